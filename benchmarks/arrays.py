@@ -1,14 +1,14 @@
-"""Arrays of stores: whether they are as they were, what changed, and the list of a reference set.
+"""Arrays of stores: comparison with kept hashes or another store, and lists of reference sets.
 
     python -m benchmarks.arrays                     # ten hours of both presets beside kept hashes
     python -m benchmarks.arrays --write             # after a change of the physics on purpose
     python -m benchmarks.arrays OLD.zarr NEW.zarr   # for a new version of the physics
     python -m benchmarks.arrays STORE --reference assets/reference/NAME.json
 
-Hashes are in tests/data/arrays.json; the tests compare one hour. Two stores of one recipe, the old
-one made by the program before, are compared as a table in Markdown, angles the short way round. A
-new version of the physics makes new lists of its reference sets: generate the store with the
-command that the recipe names, `factory generate --preset PRESET --hours HOURS --seed SEED`.
+The hashes are in tests/data/arrays.json; the tests compare one hour. Two stores of one recipe, the
+old one from the earlier program, are compared in a Markdown table, with angles as the shortest
+difference. A new version of the physics needs new lists of its reference sets: generate the store
+with the recipe's command, `factory generate --preset PRESET --hours HOURS --seed SEED`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ HOURS = (1, 10)
 
 
 def made(hours: int, preset: str) -> dict[str, str]:
-    """Hashes of the arrays that this program makes."""
+    """Hash the arrays that this program makes."""
     with tempfile.TemporaryDirectory() as folder:
         store = Path(folder) / "missions.zarr"
         generate(make_recipe(preset=preset, hours=hours, seed=SEED), store)
@@ -45,7 +45,7 @@ def made(hours: int, preset: str) -> dict[str, str]:
 
 
 def changed(old: xr.Dataset, new: xr.Dataset) -> str:
-    """A table of the arrays that differ, and the names of the others."""
+    """Table of the arrays that differ, followed by the names of the others."""
     same, rows = [], []
     for name in sorted(set(map(str, old.variables)) & set(map(str, new.variables))):
         a, b = old[name].values, new[name].values
@@ -77,7 +77,7 @@ def main(
     write: bool = False,
     reference: Path | None = None,
 ) -> int:
-    """Say what differs, 1 when something does; or keep the hashes of now."""
+    """Print the differences, with exit code 1 if there are any; or keep the present hashes."""
     if reference is not None:
         (store,) = stores
         missions = open_missions(store)

@@ -1,14 +1,13 @@
-"""Belief ends: whether beliefs that are moved on dive by dive end where one fit to all dives does.
+"""Parameter estimates updated dive by dive, against one fit to all dives.
 
     python -m benchmarks.belief_ends STORE [STORE ...] [--json]
 
 The stores are those of `factory import`, with attitude. For each deployment `twin identify` fits
-drag and neutral density to all dives at once, from the shipped vehicle of the log's kind, and
-`follow_parameters` follows them dive by dive: without walks, which is the same question
-and shall have the same answer, and with the walks that `twin watch` gives them, whose middle is
-that of the dives looked back at. `off` is the difference over the root of the sum of both squared
-deviations, `white` the root mean square of the walks' innovations, which is 1 where they are as
-large as they say.
+drag and neutral density to all dives at once, from the shipped vehicle of the log's type.
+`follow_parameters` estimates them dive by dive. Without random walks, the last estimate must equal
+the fit. With the walks of `twin watch`, the smoothed walk's mean is compared with the fit. `off` is
+the difference over the root of the sum of both variances. `white` is the root mean square of the
+normalised innovations, 1 if their size is as stated.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from twin.records.logged import LogStore
 
 
 def compared(store: Path, name: str, rows: Sequence[int]) -> list[dict[str, Any]]:
-    """A row of the table for each parameter of a deployment."""
+    """Table row of each parameter of a deployment."""
     logs, calibration = load_logs(store, list(rows)), load_calibration(start_vehicle(store))
     fit = identify(logs, calibration, parameters=FOLLOWED)
     still = follow_parameters(logs, calibration, walks=0.0)
@@ -49,7 +48,7 @@ def compared(store: Path, name: str, rows: Sequence[int]) -> list[dict[str, Any]
 def _ended(
     which: str, beliefs: Beliefs, name: str, fit: float, deviation: float
 ) -> dict[str, float]:
-    """The last belief, or the middle of the walk looked back at."""
+    """Last estimates, or means of the smoothed walks."""
     value = float(beliefs.value(name, smoothed=True).mean())
     own = float(beliefs.deviation(name, smoothed=True).mean())
     return {

@@ -1,4 +1,4 @@
-"""Wall time of `--help`, interpreter start included, beside the interpreter alone.
+"""Wall time of `--help`, interpreter start included, compared with the interpreter alone.
 
 Usage: python -m benchmarks.cli_startup [RUNS]
 """
@@ -19,11 +19,11 @@ from twin.__main__ import PROGRAM as TWIN
 from twin.cli.text_table import format_table
 
 LIMIT_S = 0.3
-"""What a person may have to wait for a help text."""
+"""[s] Longest acceptable time for a help text."""
 
 
 def main(runs: command.Positional[int] = 10) -> int:
-    """Print the table; 1 when a median is over the limit."""
+    """Print the table, with exit code 1 if a median exceeds the limit."""
     folder = Path(sys.executable).parent
     commands = {"python -c pass": [sys.executable, "-c", "pass"]}
     for program in (TWIN, FACTORY, LEARN):
@@ -34,7 +34,7 @@ def main(runs: command.Positional[int] = 10) -> int:
     rows = []
     for name, words in commands.items():
         run = partial(subprocess.run, words, stdout=subprocess.DEVNULL, check=True)
-        run()  # fills the caches
+        run()  # fills the file caches
         times = [seconds(run) for _ in range(runs)]
         rows.append({"command": name, "median s": median(times), "worst s": max(times)})
     print(format_table(rows, digits=3))

@@ -1,13 +1,13 @@
 """Closed loop: a box flown on the on-board estimate, `python -m benchmarks.closed_loop`.
 
-The vehicle flies round a square under water without a fix and steers by its own dead reckoning; the
-square lies in another direction for each seed. Printed is how far from its start it truly is when
-it believes to be back, in percent of the way, for sensors without errors and with those of `field`.
+The vehicle flies round a square under water without a fix and steers by its own dead reckoning. The
+square has another direction for each seed. Printed is the true distance from the start when the
+vehicle believes to be back, in percent of the path, for ideal sensors and for those of `field`.
 
-`floor` is the same of a dead reckoning that knows the true velocity in body axes and has the
-measured attitude as it is: what the attitude alone, above all the compass, costs. `--without NAME`
-makes one device of the suite ideal, `--only NAME` all others: the budget of the errors. `--swing N`
-flies spirals before the box, from which the gyros tell the compass' deviation.
+`floor` is that distance for a dead reckoning with the true body velocity and the measured attitude:
+the error by the attitude alone, above all the compass. `--without NAME` makes one device of the
+suite ideal, `--only NAME` all others, for an error budget. `--swing N` first flies spirals, in
+which the gyros give the compass deviation.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from twin.records.trajectory import Trajectory
 from twin.sensors import SensorSuite
 
 GOALS = {"ideal": 0.3, "field": 1.5}
-"""[%] of the way"""
+"""[%] Goals for the error, relative to the path"""
 SWING_DEG = 45.0
-"""[degree] of the battery's rotation in a spiral: a circle in about 25 minutes"""
+"""[degree] Rotation of the battery in a spiral: a circle in about 25 minutes"""
 
 
 def box(side: float, turn: float = 0.0, depth: float = 150.0, swing: int = 0) -> twin.Mission:
-    """Round a square of this side [m], turned by an angle [rad], in yos down to `depth` [m].
+    """Mission round a square of this side [m], turned by `turn` [rad], in yos down to `depth` [m].
 
-    Before it, `swing` yos in spirals to starboard and as many to port.
+    It starts with `swing` yos in spirals to starboard and as many to port.
     """
     ahead, beside = side * math.cos(turn), side * math.sin(turn)
     corners = ((ahead, beside), (ahead - beside, ahead + beside), (-beside, ahead), (0.0, 0.0))
@@ -61,7 +61,7 @@ def box(side: float, turn: float = 0.0, depth: float = 150.0, swing: int = 0) ->
 
 
 def suite_of(sensors: str, without: str | None = None, only: str | None = None) -> SensorSuite:
-    """A suite with one device made ideal, or all others.
+    """Sensor suite with one device made ideal, or all others.
 
     Raises:
       SystemExit: the suite has no such device.
@@ -76,7 +76,7 @@ def suite_of(sensors: str, without: str | None = None, only: str | None = None) 
 
 
 def attitude_floor(run: Trajectory, at: int) -> float:
-    """[m] by which the measured attitude turns the true velocity away from the truth until `at`."""
+    """[m] Position error at sample `at` if the measured attitude turns the true velocity."""
     velocity = np.stack([run[f"true_{n}"] for n in ("surge", "sway", "heave")], axis=1)[: at + 1]
     period = float(run.time[1] - run.time[0])
     ends = []
@@ -90,8 +90,8 @@ def attitude_floor(run: Trajectory, at: int) -> float:
 def fly(
     side: float, sensors: SensorSuite, seed: int, estimator: str = "ekf", swing: int = 0
 ) -> dict[str, float]:
-    """One round of the box: distance over ground [m], error from the start when it believes to be
-    there [m], between belief and truth there, floor of the attitude, and whether it arrived."""
+    """Fly one round: distance over ground [m], true error [m] at the estimated return to the start,
+    error of the estimate [m], floor of the attitude [m], and whether the vehicle arrived."""
     navigate = Navigation(estimator=estimator, sensors=sensors, seed=seed)
     mission = box(side, np.random.default_rng(seed).uniform(0.0, 2.0 * math.pi), swing=swing)
     run = Simulation(Scenario(mission=mission, navigate=navigate)).run()
@@ -122,12 +122,12 @@ def main(
     only: str | None = None,
     json: bool = False,
 ) -> None:
-    """Fly and print.
+    """Fly the missions and print the errors.
 
     Args:
-      side: [m] of the box.
+      side: [m] length of the box's side.
       first: seed of the first round.
-      swing: yos in spirals before, each way.
+      swing: yos in spirals before the box, to each side.
       sensors: one suite; both if not given.
       without: a device that is made ideal.
       only: the one device that is not made ideal.

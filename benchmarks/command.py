@@ -1,7 +1,7 @@
-"""Command lines of the benchmarks: the arguments of a function are its options.
+"""Command lines of the benchmarks: a function's arguments are the options.
 
-An argument `Positional[...]` comes without a name, a `bool` is a flag; lines after "Args:" in the
-function's docstring are the options' help.
+An argument `Positional[...]` has no option name, and a `bool` is a flag. Lines after "Args:" in the
+function's docstring are the options' help texts.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from twin.errors import TwinError
 
 
 def run(main: Callable[..., object], words: Sequence[str] | None = None) -> int:
-    """Run a benchmark by the words of its command line; return its exit code."""
+    """Run a benchmark with the words of its command line; return its exit code."""
     module = sys.modules[main.__module__]
     about, config = module.__doc__, (tyro.conf.FlagCreatePairsOff,)
     try:
@@ -43,6 +43,6 @@ def say(found: object, *tables: Sequence[Mapping[str, Any]], json: bool, digits:
 
 
 def markdown(head: Sequence[object], rows: Sequence[Sequence[object]]) -> str:
-    """Make a table as pages of the documentation have it."""
+    """Make a Markdown table as in the documentation."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)

@@ -1,14 +1,14 @@
-"""Current floor: how far a navigator misses its fixes that knows the sea's law, but not the sea.
+"""Current floor: position errors at fixes for a navigator that knows the currents' distribution.
 
     python -m benchmarks.current_floor STORE [STORE ...] --learn STORE [STORE ...] [--seas 400]
         [--json]
 
-Stores of preset `field`, as of `benchmarks.navigator_consistency`, whose dives these are. For each
-mission currents are drawn from what the store itself draws its own from, each turned by 36 angles,
-which the law does not tell apart. Each weighs as much as it makes the fixes so far likely
-(importance sampling), with errors of the way through the water as missions after `--learn` have
-them: a scale and a turn for a mission, and noise for a dive. The weighted mean foretells the next
-fix. Nothing learns the sea better from fixes alone, up to the draws; half of them are tried too.
+Stores are of preset `field`, as in `benchmarks.navigator_consistency`, which gives their dives. For
+each mission, currents are sampled from the store's own distribution, each also turned by 36 angles
+of equal probability. A sample's weight is the likelihood of the fixes so far (importance sampling).
+The errors of the track through the water are fitted to the missions after `--learn`: scale and turn
+of a mission, noise of a dive. The weighted mean predicts the next fix. No estimate from fixes alone
+is better, up to the sampling error; half of the samples are tried too.
 """
 
 from __future__ import annotations
@@ -39,31 +39,31 @@ Array = NDArray[np.float64]
 
 METHOD = "steady_flight"
 SEA_SEED = 990_417
-"""Of the drawn currents: no store's own"""
+"""Seed of the sampled currents, not used by any store"""
 EVERY = 60.0
-"""[s] between the points of a dive at which a current is taken"""
+"""[s] Time between the points of a dive at which the current is sampled"""
 TURNS = np.exp(2j * np.pi * np.arange(36) / 36)
 AT_FIRST = (0.05, 0.05, 10.0)
-"""Scale [1], turn [rad] and noise [m] from which they are fitted"""
+"""Scale [1], turn [rad] and noise [m] at which their fit starts"""
 
 
 @dataclasses.dataclass(frozen=True)
 class Dives:
-    """Of one mission, north + i east [m] each, (dive,)."""
+    """Dives of one mission: displacements north + i east [m], (dive,)."""
 
     over_ground: NDArray[np.complex128]
     way: NDArray[np.complex128]
     current: NDArray[np.complex128]
-    """by which the true current carried it"""
+    """Displacement by the true current"""
     seas: NDArray[np.complex128]
-    """by which each drawn one would have, (sea, dive)"""
+    """Displacement by each sampled current, (sea, dive)"""
 
 
 def dives_of(store: str, seas: int) -> Iterator[Dives]:
-    """Of each mission that has known ones."""
+    """Dives of each mission with known tracks."""
     with GeneratedStore(store) as generated:
         kind = VELOCITY_ESTIMATORS[METHOD]
-        # a current as the store draws it; place and plan are a mission's own
+        # a current from the store's distribution, at the mission's own place and plan
         names = [name for name in generated.table if name.startswith("current.")]
         draw = functools.partial(
             draw_values, {name: generated.table[name] for name in names}, generated.distributions,
@@ -96,7 +96,7 @@ def dives_of(store: str, seas: int) -> Iterator[Dives]:
 def _carried(
     parameters: Parameters, legs: Sequence[Leg], track: tuple[float, Array]
 ) -> NDArray[np.complex128]:
-    """North + i east [m] that a sea's current carries a mission in each dive."""
+    """Displacement north + i east [m] of a mission by a sea's current in each dive."""
     water = build_current(parameters)
     if water is None:
         return np.zeros(len(legs), dtype=complex)
@@ -122,7 +122,7 @@ def _carried(
 
 
 def way_errors(missions: Sequence[Dives]) -> Array:
-    """Deviations of scale [1], turn [rad] and noise [m], by greatest likelihood."""
+    """Maximum-likelihood standard deviations of scale [1], turn [rad] and noise [m]."""
 
     def unlikely(logarithms: Array) -> float:
         size = np.exp(logarithms)
@@ -135,7 +135,7 @@ def way_errors(missions: Sequence[Dives]) -> Array:
 
 
 def _covariance(way: NDArray[np.complex128], size: Array) -> Array:
-    """[m^2] of the ways' errors, north then east of all dives, (2 dive, 2 dive)."""
+    """[m^2] Covariance of the tracks' errors, north then east of all dives, (2 dive, 2 dive)."""
     along = np.concatenate([way.real, way.imag])
     across = np.concatenate([-way.imag, way.real])
     scale, turn, noise = size
@@ -147,7 +147,7 @@ def _covariance(way: NDArray[np.complex128], size: Array) -> Array:
 
 
 def _log_density(off: NDArray[np.complex128], covariance: Array) -> Any:
-    """Of normal errors (..., dive), but for a constant."""
+    """Log density of normal errors (..., dive), without its constant."""
     errors = np.concatenate([off.real, off.imag], axis=-1)
     root = np.linalg.cholesky(covariance)
     white = np.linalg.solve(root, errors[..., None])[..., 0]
@@ -155,7 +155,7 @@ def _log_density(off: NDArray[np.complex128], covariance: Array) -> Any:
 
 
 def misses_of(one: Dives, size: Array, seas: int) -> Array:
-    """[m] at each fix, before it was taken, (dive,)."""
+    """[m] Error of the prediction at each fix, (dive,)."""
     known = (one.seas[:seas, None, :] * TURNS[:, None]).reshape(-1, len(one.way))
     off = one.over_ground - one.way
     full, count = _covariance(one.way, size), len(one.way)
@@ -178,7 +178,7 @@ def misses_of(one: Dives, size: Array, seas: int) -> Array:
 
 
 def floor_of(judged: Sequence[Dives], size: Array, seas: int) -> dict[str, float]:
-    """Mean misses [m], and those of persistence on the same dives."""
+    """Mean errors [m], and those of persistence on the same dives."""
     every = [misses_of(one, size, seas) for one in judged]
     later = np.concatenate([one[1:] for one in every])
     currents = [one.over_ground - one.way for one in judged]
@@ -201,8 +201,8 @@ def main(
 
     Args:
       stores: missions of preset field.
-      learn: stores that tell of the way's errors.
-      seas: currents drawn for a mission.
+      learn: stores to which the track's errors are fitted.
+      seas: currents sampled for a mission.
     """
     taught = [one for store in learn for one in dives_of(store, 0)]
     size = way_errors(taught)

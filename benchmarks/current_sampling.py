@@ -1,7 +1,7 @@
 """Cost of one current sample in ns, per kind of current: python -m benchmarks.current_sampling
 
-The loop runs in compiled code over a saw-tooth glide with time advancing, as the physics callback
-does; positions change on every call. The best of several repeats is printed.
+The loop runs in compiled code over a saw-tooth glide with advancing time, as in the physics;
+the position changes on every call. Printed is the best of several repeats.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def glide(program, calls):
 
 
 def grid_program(components: int) -> np.ndarray:
-    """A Copernicus-like box: 50 uneven levels, 1/12 degree, daily for six days."""
+    """Grid like Copernicus': 50 uneven levels, 1/12 degree, daily for six days."""
     random = np.random.default_rng(1)
     depth = 0.5 * (5700.0 / 0.5) ** (np.arange(50) / 49.0)
     axis = np.arange(-8, 9) * 9000.0

@@ -1,7 +1,7 @@
-"""Damage: ways in which a log comes apart, each a function of random numbers and a folder of logs.
+"""Damage of logs: functions that damage a log with random numbers, each in one manner.
 
-Bytes, text, archives, and the columns, cells, attributes, shapes and clocks of tables and netCDF.
-Files of messages have these damages too: they are written of a flight that is damaged already.
+They damage bytes, text, archives, and columns, cells, attributes, shapes and clocks of tables and
+netCDF. Files of messages are written from a flight that is damaged already.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ NAMES = ("units", "_FillValue", "missing_value", "valid_min", "valid_max", "vali
 
 @dataclasses.dataclass(frozen=True)
 class Damaged(Flight):
-    """A sound flight with one signal, or the clock, that went wrong at some moment."""
+    """Sound flight with one signal, or the clock, wrong from some moment."""
 
     dives: int = SOUND.dives
     surface: float = SOUND.surface
@@ -52,7 +52,7 @@ class Damaged(Flight):
         return super().time if self.clock is None else self.clock(super().time)
 
     def state(self, time: Array) -> dict[str, Array]:
-        if self.clock is not None:  # the vehicle flies on, whatever its clock says
+        if self.clock is not None:  # the vehicle flies on, whatever the clock shows
             right = dict(zip(self.time.tolist(), super().time.tolist(), strict=False))
             time = np.array([right.get(one, one) for one in np.asarray(time).tolist()])
         found = super().state(time)
@@ -62,7 +62,7 @@ class Damaged(Flight):
 
 
 def changed_values(random: Random) -> Callable[[Array], Array]:
-    """Damage a column of numbers."""
+    """Make a function that damages a column of numbers."""
     word, part = float(random.choice(NUMBERS)), random.random(2)
     factor = float(random.choice([-1.0, 0.0, 10.0, 1e3, 1e6, 1e-3, 57.29578, 0.3048]))
     how = random.integers(5)
@@ -71,7 +71,7 @@ def changed_values(random: Random) -> Callable[[Array], Array]:
         values = np.array(values, float)
         flat = values.reshape(-1)
         first, last = np.sort((part * (flat.size + 1)).astype(int))
-        if how == 0:  # a stretch
+        if how == 0:  # a range of samples
             flat[first:last] = word
         elif how == 1:  # single samples
             flat[first : first + 1] = word
@@ -88,7 +88,7 @@ def changed_values(random: Random) -> Callable[[Array], Array]:
 
 
 def changed_clock(random: Random) -> Callable[[Array], Array]:
-    """Damage times, which are in any unit and from any day."""
+    """Make a function that damages times of any unit and epoch."""
     step = float(random.choice([1.0, 3600.0, 1e6, 1e9, 1e12, 1e300])) * random.choice([-1, 1])
     part, how = random.random(2), random.integers(9)
 
@@ -121,7 +121,7 @@ def changed_clock(random: Random) -> Callable[[Array], Array]:
 
 
 def damaged_flight(random: Random) -> Flight:
-    """A flight whose logs say what no vehicle says."""
+    """Flight with implausible signals."""
     if random.integers(3) == 0:
         return Damaged(clock=changed_clock(random))
     signal = str(random.choice(["depth", "pitch", "pump", "heading", "north", "east", "under"]))
@@ -132,7 +132,7 @@ def damaged_flight(random: Random) -> Flight:
 
 
 def bits(random: Random, data: bytes) -> bytes:
-    """Some bits flipped, as likely in the first thousand bytes as in the rest."""
+    """Flip some bits; half of the changes are in the first thousand bytes."""
     changed = bytearray(data)
     for _ in range(int(random.integers(1, 9))):
         most = len(data) if random.integers(2) else min(1000, len(data))
@@ -141,7 +141,7 @@ def bits(random: Random, data: bytes) -> bytes:
 
 
 def block(random: Random, data: bytes) -> bytes:
-    """A block cut off, taken out, doubled, zeroed, moved or made of random bytes."""
+    """Cut off, remove, double, zero, move or overwrite a block."""
     first, last = sorted(int(one) for one in random.integers(0, len(data) + 1, 2))
     inside = data[first:last]
     return [
@@ -153,7 +153,7 @@ def block(random: Random, data: bytes) -> bytes:
 
 
 def text(random: Random, data: bytes) -> bytes:
-    """A number or word of the text in a file replaced by another or by nonsense."""
+    """Replace a number or word of a file's text by another or by nonsense."""
     most = len(data) if random.integers(2) else 4000
     found = list(re.finditer(rb"[\w.+-]{2,40}", data[:most]))
     if not found:
@@ -161,15 +161,15 @@ def text(random: Random, data: bytes) -> bytes:
     one = found[int(random.integers(len(found)))]
     other = found[int(random.integers(len(found)))][0]
     word = other if random.integers(4) == 0 else str(random.choice(WORDS)).encode()
-    if random.integers(2):  # of the length that was there
+    if random.integers(2):  # of the same length
         word = word[: len(one[0])].ljust(len(one[0]), b"!")
     return data[: one.start()] + word + data[one.end() :]
 
 
 def packed(random: Random, path: Path) -> None:
-    """The file in an archive: twice in one, cut off, damaged, or unpacking to a hundred times."""
+    """Put the file into an archive: twice, cut off, damaged, or unpacking to a hundred times."""
     data, how = path.read_bytes(), int(random.integers(8))
-    if how == 0:  # Slocum's own way, some with zeros behind
+    if how == 0:  # Slocum's own compression, some with zeros at the end
         data = pack(data + bytes(int(random.choice([0, 2**20, 2**26]))))
         path.with_suffix(f".{path.suffix[1:2]}cd").write_bytes(data)
         path.unlink()
@@ -198,7 +198,7 @@ def packed(random: Random, path: Path) -> None:
 
 @dataclasses.dataclass
 class Column:
-    """A column of a table, or a variable of a netCDF file."""
+    """Column of a table, or variable of a netCDF file."""
 
     values: Array
     dimensions: tuple[str, ...] = ("row",)
@@ -209,7 +209,7 @@ Columns = dict[str, Column]
 
 
 def read_columns(path: Path) -> Columns | None:
-    """The columns of a file; None where it is of neither kind."""
+    """Read the columns of a file; None for a file that is neither table nor netCDF."""
     data = path.read_bytes()
     if data[:4] in (b"\x89HDF", b"CDF\1", b"CDF\2") or data[512:516] == b"\x89HDF":
         import netCDF4
@@ -234,7 +234,7 @@ def read_columns(path: Path) -> Columns | None:
 
 
 def write_columns(path: Path, columns: Columns) -> None:
-    """The file again, of these columns."""
+    """Write the file again, with these columns."""
     whole = columns.pop("/", None)
     if whole is None:
         rows = zip(*(column.values.tolist() for column in columns.values()), strict=False)
@@ -270,7 +270,7 @@ def _number(values: Array) -> bool:
 
 
 def _numbers(values: Array) -> Array:
-    """Numbers of a column of a table; NaN for what is none."""
+    """Numbers of a table's column; NaN for cells without a number."""
 
     def number(word: Any) -> float:
         try:
@@ -289,7 +289,7 @@ def _choose(random: Random, columns: Columns, words: str = "") -> str:
 
 
 def values(random: Random, columns: Columns) -> None:
-    """Values of one column: a factor, an offset, nonsense in one, some or all cells."""
+    """Damage the values of one column: a factor, an offset, nonsense in one, some or all cells."""
     one = columns[_choose(random, columns)]
     if not _number(one.values) and random.integers(2):
         one.values = np.array(one.values, object)
@@ -301,13 +301,13 @@ def values(random: Random, columns: Columns) -> None:
 
 
 def clock(random: Random, columns: Columns) -> None:
-    """The times of one clock."""
+    """Damage the times of one clock."""
     one = columns[_choose(random, columns, "time|stamp|secs|seconds")]
     one.values = changed_clock(random)(_numbers(one.values))
 
 
 def names(random: Random, columns: Columns) -> None:
-    """A column dropped, renamed, doubled, empty, or with the values of another one."""
+    """Drop, rename, double or empty a column, or give it the values of another one."""
     name, other = _choose(random, columns), _choose(random, columns)
     how = int(random.integers(5))
     if how == 0:
@@ -326,7 +326,7 @@ def names(random: Random, columns: Columns) -> None:
 
 
 def rows(random: Random, columns: Columns) -> None:
-    """The rows of one column or all: fewer, none, one, twice, in another order."""
+    """Damage the rows of one column or all: fewer, none, one, twice, another order."""
     several = [one for name, one in columns.items() if name != "/"]
     chosen = several if random.integers(2) else [several[int(random.integers(len(several)))]]
     how, part = int(random.integers(6)), random.random()
@@ -343,7 +343,7 @@ def rows(random: Random, columns: Columns) -> None:
 
 
 def attributes(random: Random, columns: Columns) -> None:
-    """An attribute of a variable or of the file: another unit, fill value, scale, text or none."""
+    """Change an attribute of a variable or of the file: unit, fill value, scale, text or none."""
     one = columns[_choose(random, columns) if random.integers(8) else next(iter(columns))]
     if one.attributes and random.integers(4) == 0:
         del one.attributes[str(random.choice(list(one.attributes)))]
@@ -361,7 +361,7 @@ def attributes(random: Random, columns: Columns) -> None:
 
 
 def shape(random: Random, columns: Columns) -> None:
-    """A variable of another type or shape: whole numbers, letters, one value, two dimensions."""
+    """Change a variable's type or shape: integers, letters, one value, two dimensions."""
     one = columns[_choose(random, columns)]
     kept = np.nan_to_num(_numbers(one.values), posinf=0.0, neginf=0.0)
     how = int(random.integers(7))
@@ -385,7 +385,7 @@ OPERATIONS = (*BYTES, *COLUMNS, "packed", "flight")
 
 
 def damage(random: Random, folder: Path, operation: str) -> str:
-    """Damage one file of a folder; its name, or "" where the operation does not fit the file."""
+    """Damage one file of a folder; return its name, or "" if the operation does not fit it."""
     files = sorted(p for p in folder.iterdir() if p.name != MAPPING)
     path = files[int(random.integers(len(files)))]
     if operation in BYTES:

@@ -1,12 +1,12 @@
-"""Endurance: days left of simulated deployments, beside those that they had.
+"""Endurance: predicted days left of simulated deployments, compared with the true ones.
 
     python -m benchmarks.endurance --deployments 200
 
-The twin flies dives of three vehicles to seven depths in lanes. A deployment is made of them: its
-electronics, pump and payload differ from the vehicle file's, its pump weakens, its dives are not as
-deep as planned and like their neighbours, its payload is on in some, and in half of the deployments
-the plan changes to another depth in the first third. The rival is the energy left over the mean
-power so far.
+The batched engine flies dives of three vehicles to seven depths; deployments are composed of these
+dives. In a deployment, electronics, pump and payload differ from the vehicle file's, and the pump
+weakens. Dives are shallower than planned and correlated in sequence. The payload is on in
+some dives, and half of the deployments change to another depth in the first third. The rival
+prediction is the energy left over the mean power so far.
 """
 
 from __future__ import annotations
@@ -27,29 +27,29 @@ from twin.vehicle.vehicle import Vehicle, load_vehicle
 from twin.water.current.axes import Origin
 
 VEHICLES = {"slocum-1000": 900.0, "seaglider": 900.0, "slocum-200": 180.0}
-"""Deepest dives [m]"""
+"""[m] Deepest dive of each vehicle"""
 PARTS = np.linspace(0.25, 1.0, 7)
 VOLTAGE = 14.0
 READING = 1e-3
-"""[A h] of the counter"""
+"""[A h] Resolution of the counter"""
 FLOOR, LIKE = 0.1, 0.95
-"""Part by which the sea floor and pilots change the depth, and how like the next dive is"""
+"""[1] Relative change of depth by sea floor and pilots, and its correlation from dive to dive"""
 MOMENTS = {"half time": 0.5, "last fifth": 0.8}
 
 
 @dataclasses.dataclass(frozen=True)
 class Dives:
-    """Of a vehicle."""
+    """Dives of a vehicle to several depths."""
 
     vehicle: Vehicle
     depth: np.ndarray
     seconds: np.ndarray
     moves: np.ndarray
-    """[J] beside the electronics"""
+    """[J] Energy of moves, without the electronics"""
 
 
 def dives_of(name: str, deepest: float) -> Dives:
-    """The first dive to each depth."""
+    """Fly the first dive to each depth."""
     vehicle = load_vehicle(name)
     place = Origin(latitude_deg=48.0, longitude_deg=-50.0, time="2026-01-01T00:00:00")
     target = {"latitude": 48.8, "longitude": -50.0}
@@ -71,7 +71,7 @@ def dives_of(name: str, deepest: float) -> Dives:
 
 
 def deployment(dives: Dives, rng: np.random.Generator) -> list[dict[str, float]]:
-    """Errors at each moment."""
+    """Simulate a deployment; errors of the prediction at each moment."""
     hotel = Consumption.of(dives.vehicle).hotel_power * rng.lognormal(0.0, 0.3)
     payload, on = hotel * rng.uniform(0.0, 0.5), rng.uniform(0.3, 1.0)
     count = int(rng.integers(60, 300))
@@ -112,7 +112,7 @@ def deployment(dives: Dives, rng: np.random.Generator) -> list[dict[str, float]]
 
 
 def _correlated(rng: np.random.Generator, count: int) -> np.ndarray:
-    """Normal, neighbours alike, (dive,)."""
+    """Normal numbers with correlated neighbours, (dive,)."""
     found = rng.standard_normal(count)
     for k in range(1, count):
         found[k] = LIKE * found[k - 1] + np.sqrt(1.0 - LIKE**2) * found[k]

@@ -1,15 +1,15 @@
-"""Speed, memory and store size of the factory beside its yardsticks.
+"""Factory speed: speed, memory and store size, compared with bare MuJoCo and other yardsticks.
 
     python -m benchmarks.factory_speed [HOURS] [--json]
     python -m benchmarks.factory_speed --vehicles [--json]    # the glider and Tethys alone
 
-HOURS is the length of the long run, 100 by default; the project's promise is made at 1000. Each
-row gives simulated time over elapsed time, over CPU time, and the latter's ratio to the bare MuJoCo
-step: the same model without water, guidance, log, sensors, compression and files. On a machine
-that others use too, CPU time and the ratio are what means something.
+HOURS is the length of the long run, 100 by default; the project's promise is for 1000. Each row
+gives simulated time over elapsed time, and over CPU time, with its ratio to bare MuJoCo's. The
+bare step has the same model without water, guidance, log, sensors, compression and files. On a
+shared machine, only CPU time and the ratio are meaningful.
 
-The rate of a propelled vehicle's surveys is taken beside the glider's, in turns: the best of PAIRS
-each, so that both meet the same machine.
+The rate of a propelled vehicle's surveys is measured in alternation with the glider's, and is the
+best of PAIRS each, so that both see the same load of the machine.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ from twin.vehicle.vehicle import load_vehicle
 CPUS = len(os.sched_getaffinity(0))
 SHORT_HOURS = 10.0
 WALL_LIMIT_S, RATE_LIMIT, MEMORY_LIMIT = 4.0, 25_000.0, 1e9
-"""What the project promises on 2 CPUs: 10 h cold, 1000 h sustained, and the memory meanwhile."""
+"""Promises on 2 CPUs: [s] for 10 h cold, [1] sustained rate over 1000 h, [bytes] memory."""
 VEHICLES, PAIRS, VEHICLE_LIMIT = ("glider", "tethys"), 3, 1.0 / 3.0
-"""Tethys flies at no less than this part of the glider's rate, 10 h each"""
+"""Tethys must fly at this fraction of the glider's rate or faster, 10 h each"""
 BARE_STEPS, PYTHON_STEPS = 200_000, 5_000
 FOSSEN_SECONDS = 600.0
 
@@ -61,7 +61,7 @@ def rates(work: Callable[[], object], seconds: float) -> tuple[float, float]:
 
 
 def bare_step() -> tuple[float, float]:
-    """MuJoCo's step alone, without the clock of its timers."""
+    """Measure MuJoCo's step alone, without its timers' clock."""
     model = compile_model(lean=True)
     uninstall()
     stop_timers()
@@ -76,7 +76,7 @@ def bare_step() -> tuple[float, float]:
 
 
 def native_step() -> tuple[float, float]:
-    """The same with our water, guidance and log."""
+    """Measure the step with our water, guidance and log."""
     mission = Mission(
         segments=(SawTooth(max_depth_m=100.0, heading_deg=30.0),),
         duration_s=BARE_STEPS * 0.1,
@@ -87,7 +87,7 @@ def native_step() -> tuple[float, float]:
 
 
 def python_callback() -> tuple[float, float]:
-    """A Python loop around mj_step with the water in a Python callback, as one writes it first."""
+    """Measure a Python loop around mj_step with the water in a Python callback, a common design."""
     vehicle = load_vehicle()
     model = compile_model(vehicle, lean=True)
     uninstall()
@@ -137,7 +137,7 @@ def python_callback() -> tuple[float, float]:
 
 
 def fossen(seconds: float) -> tuple[float, float]:
-    """The independent Fossen model on one dive, compiled beforehand."""
+    """Measure the independent Fossen model on one dive, compiled beforehand."""
     vehicle = load_vehicle()
     model = FossenModel(vehicle)
     pump = vehicle.pump_for_net_mass(0.3)
@@ -148,7 +148,7 @@ def fossen(seconds: float) -> tuple[float, float]:
 
 
 def generate(hours: float, preset: str, folder: Path, vehicle: str = "glider") -> dict[str, float]:
-    """A cold `factory generate`: wall and CPU time [s], peak memory and store size [bytes]."""
+    """Run a cold `factory generate`: wall and CPU time [s], peak memory and store size [bytes]."""
     store = folder / f"{preset}-{vehicle}-{hours:g}.zarr"
     words = [sys.executable, "-m", "factory", "generate", "--hours", str(hours)]
     words += ["--preset", preset, "--vehicle", vehicle, "--out", str(store), "--overwrite"]
@@ -162,12 +162,12 @@ def generate(hours: float, preset: str, folder: Path, vehicle: str = "glider") -
 
 
 def beside_the_glider(folder: Path) -> list[dict[str, object]]:
-    """A row for each vehicle: its best rates of 10 h and their ratios to the glider's."""
+    """Row of each vehicle: its best rates of 10 h and their ratios to the glider's."""
     runs: dict[str, list[dict[str, float]]] = {vehicle: [] for vehicle in VEHICLES}
     for turn in range(PAIRS + 1):
         for vehicle in VEHICLES:
             run = generate(SHORT_HOURS, "paper", folder, vehicle)
-            if turn:  # the first compiles
+            if turn:  # the first run compiles
                 runs[vehicle].append(run)
     best = {
         (vehicle, time): SHORT_HOURS * 3600.0 / min(run[time] for run in runs[vehicle])
@@ -189,7 +189,7 @@ def beside_the_glider(folder: Path) -> list[dict[str, object]]:
 def main(
     hours: command.Positional[float] = 100.0, *, vehicles: bool = False, json: bool = False
 ) -> int:
-    """Print the tables; 1 when a promise is broken.
+    """Print the tables, with exit code 1 if a promise is broken.
 
     Args:
       hours: length of the long run.
@@ -211,7 +211,7 @@ def main(
 
 
 def factory_alone(hours: float, folder: Path) -> tuple[list[Any], list[Any], dict[str, bool]]:
-    """Rows of speeds and of stores, and what is kept of the promises."""
+    """Rows of speeds and of stores, and whether each promise is kept."""
     bare = bare_step()
     rows: list[dict[str, object]] = []
 

@@ -1,12 +1,12 @@
-"""The figures of the pages in one file, docs/results/figures.json, so that a changed digit shows.
+"""Figures of the documentation in docs/results/figures.json, so that a changed digit shows.
 
     python -m benchmarks.figures vector_env                        # run it, keep what it measures
     python -m benchmarks.figures --fresh vector_env                # and forget all earlier runs
     python -m benchmarks.figures --take docs/results/networks.md   # keep a page's tables, by hand
 
-`<!-- figure: vector_env.steps -->` behind a number, or behind `A to B`, marks what a benchmark
-measured: its runs' lowest and highest. `<!-- figures: networks.ideal -->` and an empty line before
-a table or a paragraph mark its other numbers, of the command that the page shows there.
+`<!-- figure: vector_env.steps -->` after a number, or after `A to B`, marks a benchmark's figure:
+the lowest and highest of its runs. `<!-- figures: networks.ideal -->` and an empty line before a
+table or a paragraph mark other numbers, which come from the command that the page shows there.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ NUMBER = r"\d{1,3}(?: \d{3})+|\d+(?:\.\d+)?(?:e-?\d+)?"
 ONE = re.compile(rf"(?:({NUMBER}) to )?({NUMBER}) ?<!-- figure: ([\w.]+) -->")
 MANY = re.compile(r"<!-- figures: ([\w.]+) -->\n\n((?:.+\n)+)")
 KEEPING = {"on": False, "fresh": False}
-"""Whether `measured` writes, and whether it forgets"""
+"""Whether `measured` writes, and whether it deletes earlier runs"""
 
 
 def measured(benchmark: str, **figures: float | list[float]) -> None:
-    """Keep what a benchmark measured, where `python -m benchmarks.figures` runs it.
+    """Keep a benchmark's figures if `python -m benchmarks.figures` runs it.
 
     A figure's entry has the lowest and the highest of all its runs.
     """
@@ -49,25 +49,25 @@ def measured(benchmark: str, **figures: float | list[float]) -> None:
 
 
 def medians(ways: Mapping[str, Callable[[], float]], rounds: int) -> dict[str, float]:
-    """Median of what each way measures; the ways take turns, so that all meet the same machine."""
+    """Medians of several measurements, taken in turns so that all see the same machine load."""
     found = [{name: measure() for name, measure in ways.items()} for _ in range(rounds)]
     return {name: statistics.median(one[name] for one in found) for name in ways}
 
 
 def seconds(work: Callable[[], object]) -> float:
-    """[s] that a call takes."""
+    """[s] Duration of a call."""
     begun = time.perf_counter()
     work()
     return time.perf_counter() - begun
 
 
 def load() -> dict[str, Any]:
-    """The file: `measured` by benchmarks, `tables` of pages."""
+    """Read the file: `measured` by benchmarks, `tables` of pages."""
     return dict(json.loads(FILE.read_text(encoding="utf-8")))
 
 
 def save(kept: dict[str, Any]) -> None:
-    """Write the file: a line for every row, so that a diff is read."""
+    """Write the file with one line for every row, for readable diffs."""
     parts = []
     for name, entries in kept.items():
         lines = []
@@ -105,7 +105,7 @@ def _number(text: str) -> float:
 
 
 def as_printed(text: str, value: float) -> bool:
-    """Whether `text` is this value, rounded to the digits that it has.
+    """Whether `text` is this value, rounded to the digits of `text`.
 
     >>> as_printed("2.1e-7", 2.13e-7), as_printed("114 000", 113870.0), as_printed("0.74", 0.747)
     (True, True, False)
@@ -121,7 +121,7 @@ def as_printed(text: str, value: float) -> bool:
 
 
 def wrong(page: str) -> list[str]:
-    """What a page's text claims otherwise than the file, or the file does not have."""
+    """Claims of a page's text that differ from the file or are missing there."""
     kept, told = load(), []
     for low, high, key in ONE.findall(page):
         runs = kept["measured"].get(key, {}).get("runs")
@@ -130,7 +130,7 @@ def wrong(page: str) -> list[str]:
             told.append(f"{key} is not measured")
         elif not (
             as_printed(low, runs[0]) and as_printed(high, runs[-1])
-            if low  # a single figure is that of any of the runs
+            if low  # a single figure may be any run's
             else runs[0] <= _number(high) <= runs[-1] or any(as_printed(high, one) for one in runs)
         ):
             told.append(f"{key}: {' to '.join(shown)} on the page, {runs} in the file")

@@ -2,9 +2,9 @@
 
     python -m benchmarks.forecast_speed
 
-In lanes and in MuJoCo, one after the other. Before lanes are timed, a short forecast compiles the
-vehicle's structure; `first_call_s` is what that takes. Other work on the machine makes the clock's
-seconds longer; the processor's say what it takes.
+The batched engine and MuJoCo run one after the other. Before the batched engine is timed, a short
+forecast compiles the vehicle's structure; `first_call_s` is that time. Other work on the machine
+lengthens wall time; processor time is the cost.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ UNIX = 1.795e9
 def measure(
     vehicle: str, members: int, hours: float, threads: int, engine: str
 ) -> dict[str, float]:
-    """Fly one forecast whose dive ends when it does."""
+    """Time one forecast of a dive of the same duration."""
     mission = mission_to(
         "38,-122.4", depth=200.0, pitch_deg=26.0, surface_after_s=0.93 * HOUR * hours, radius=500.0
     )

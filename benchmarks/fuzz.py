@@ -1,12 +1,12 @@
-"""Fuzz: damaged logs of every importer; each import is sound, or refused in one line.
+"""Fuzz test of importers: each damaged log must be imported soundly or refused in one line.
 
     python -m benchmarks.fuzz --mutants 5000 --seed 1 --seconds 3600 --workers 2
 
-A mutant is named KIND:LAYOUT/OPERATION/SEED, which makes it again: `--only NAME`. It fails by an
-error that is no `TwinError`, a message of several lines, a value outside of its limits that the
-import did not report, a warning, a print, a file written elsewhere than in the store's folder,
-more than 60 s or 0.7 GB beside the libraries, or the end of its process. Undamaged logs must give
-all their dives, sound. `--real FOLDER` damages real logs too.
+A mutant's name KIND:LAYOUT/OPERATION/SEED reproduces it: `--only NAME`. A mutant fails on an error
+that is no `TwinError`, a message of several lines, an unreported value outside its limits, a
+warning, a print, a file outside the store's folder, more than 60 s or 0.7 GB without the libraries,
+or a crash of the process. Undamaged logs must give all their dives, sound. `--real FOLDER` damages
+real logs too.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ from benchmarks.damage import COLUMNS, OPERATIONS, damage, damaged_flight
 from factory import samples
 
 LONGEST_S, MOST_BYTES, KILLED_BYTES = 60.0, 7 * 10**8, 3 * 10**9
-"""Processor time [s] and memory [byte] beside the libraries' of one import; and the memory at which
-it is stopped"""
+"""Limits of one import: processor time [s] and memory [byte] without the libraries'; and the memory
+at which it is stopped"""
 LAYOUTS = [f"{kind}:{k}" for kind, some in samples.formats().items() for k in range(len(some))]
 BARE = ("slocum:1", "mcap:0", "rosbag2:0", "ardusub:0", "lsf:0", "dorado:0")
 """Layouts without tables and variables"""
@@ -60,7 +60,7 @@ REAL = {
     "lrauv": ("lrauv_shore_2013/*133105.mat", "lrauv_onboard_sim_2021/testPitch*"),
     "lsf": ("auv_lauv_noptilus_2015/*.lsf.gz",),
 }
-"""Files of `--real`, by kind"""
+"""Patterns of files in the folder of `--real`, by format"""
 CORPUS = ROOT / "tests" / "data" / "mutants.json"
 """Names of mutants that failed once"""
 UNDAMAGED = "none"
@@ -70,10 +70,10 @@ NUMBER = re.compile(r"-?\d[\d.e+-]*")
 
 @dataclasses.dataclass(frozen=True)
 class Mutant:
-    """One damaged log."""
+    """Damaged log."""
 
     layout: str
-    """KIND:NUMBER of a writer, or KIND:PATTERN of real logs."""
+    """FORMAT:NUMBER of a writer, or FORMAT:PATTERN of real logs."""
     operation: str
     seed: int
 
@@ -83,7 +83,7 @@ class Mutant:
 
     @classmethod
     def parse(cls, name: str) -> Mutant:
-        """The mutant of that name."""
+        """Make the mutant of that name."""
         layout, operation, seed = name.rsplit("/", 2)
         return cls(layout, operation, int(seed))
 
@@ -98,17 +98,17 @@ class Verdict:
 
     mutant: Mutant
     outcome: str = "read"
-    """read, refused, unfit (the operation changes nothing of such files) or failed"""
+    """read, refused, unfit (the operation changes nothing in these files) or failed"""
     file: str = ""
     failures: list[str] = dataclasses.field(default_factory=list)
     raised: list[str] = dataclasses.field(default_factory=list)
-    """Errors of readers for which a file was left out, and what it was told by"""
+    """Errors of readers for which a file was left out, and the place of each error"""
     seconds: float = 0.0
     bytes: int = 0
 
 
 def drawn(count: int, seed: int, layouts: Iterable[str] = LAYOUTS) -> Iterator[Mutant]:
-    """Every layout undamaged, then every layout and operation in turn."""
+    """Sample mutants: every layout undamaged, then every layout and operation in turn."""
     layouts = list(layouts)
     yield from (Mutant(one, UNDAMAGED, 0) for one in layouts)
     turns = [
@@ -123,7 +123,7 @@ def drawn(count: int, seed: int, layouts: Iterable[str] = LAYOUTS) -> Iterator[M
 
 
 def prepare(mutant: Mutant, folder: Path, real: Path | None) -> str:
-    """Write the damaged log; the name of the damaged file, or "" where nothing can be damaged."""
+    """Write the damaged log; return the damaged file's name, or "" if no damage applies."""
     random = np.random.default_rng([mutant.seed, *mutant.name.encode()])
     pattern = mutant.layout.partition(":")[2]
     flying = mutant.operation == "flight"
@@ -136,13 +136,13 @@ def prepare(mutant: Mutant, folder: Path, real: Path | None) -> str:
         try:
             layout = samples.formats()[mutant.kind][int(pattern)]
             samples.write(mutant.kind, folder, flight, layout=layout)
-        except Exception:  # a format has no such value
+        except Exception:  # the format cannot hold such a value
             if not flying:
                 raise
             return ""
     if flying or mutant.operation == UNDAMAGED:
         return "all"
-    with contextlib.suppress(Exception):  # its library writes no such file
+    with contextlib.suppress(Exception):  # the format's library refuses such a file
         return damage(random, folder, mutant.operation)
     return ""
 
@@ -151,7 +151,7 @@ def prepare(mutant: Mutant, folder: Path, real: Path | None) -> str:
 
 
 def place(error: BaseException) -> str:
-    """Module and line of the project where an error came from, and its type."""
+    """Module and line of the project where an error arose, and its type."""
     frames = traceback.extract_tb(error.__traceback__)
     own = [f for f in frames if f.filename.startswith(str(ROOT)) and "benchmarks" not in f.filename]
     last = own[-1] if own else frames[-1]
@@ -159,18 +159,18 @@ def place(error: BaseException) -> str:
 
 
 def _short(filename: str) -> str:
-    """A file's place in the project or in its library."""
+    """Path of a file in the project or in its library."""
     return filename.removeprefix(f"{ROOT}/").rpartition("site-packages/")[2]
 
 
 def contents(folder: Path) -> dict[str, str]:
-    """Digests of the files of a folder and of those below."""
+    """Digests of all files in a folder and its subfolders."""
     files = (path for path in folder.rglob("*") if path.is_file())
     return {str(path): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
 def judge(mutant: Mutant, verdict: Verdict, folder: Path, written: list[str]) -> None:
-    """Import a prepared log and look for all that may not be."""
+    """Import a prepared log and check all conditions."""
     from factory.importing import deployment_log, import_logs
     from factory.soundness import verify_logs
     from twin.errors import TwinError
@@ -207,7 +207,7 @@ def judge(mutant: Mutant, verdict: Verdict, folder: Path, written: list[str]) ->
         deployment_log.failed_reading = told
     with warnings.catch_warnings(record=True) as left:
         warnings.simplefilter("always")
-        gc.collect()  # files that nobody closed
+        gc.collect()  # finds unclosed files
     verdict.failures += [
         f"warning at {_short(one.filename)}:{one.lineno} {one.category.__name__}: "
         f"{' '.join(str(one.message).split())}" for one in (*warned, *left)
@@ -249,7 +249,7 @@ def judge(mutant: Mutant, verdict: Verdict, folder: Path, written: list[str]) ->
 
 
 def work(mutant: Mutant, folder: Path, real: Path | None) -> None:
-    """Judge a mutant in this process, and leave the verdict in the folder."""
+    """Judge a mutant in this process, and write the verdict to the folder."""
     resource.setrlimit(resource.RLIMIT_CPU, (round(LONGEST_S) + 15, resource.RLIM_INFINITY))
     sys.dont_write_bytecode = True
     written: list[str] = []
@@ -274,7 +274,7 @@ def work(mutant: Mutant, folder: Path, real: Path | None) -> None:
     for name in ("logs", "out", "temporary"):
         (folder / name).mkdir(parents=True)
     tempfile.tempdir = str(folder / "temporary")
-    gc.freeze()  # garbage is looked for among what comes later
+    gc.freeze()  # leak checks then cover later objects only
     verdict = Verdict(mutant)
     begun = time.process_time()
     try:
@@ -283,7 +283,7 @@ def work(mutant: Mutant, folder: Path, real: Path | None) -> None:
             verdict.file = prepare(mutant, folder / "logs", real)
         begun = time.process_time()
         with contextlib.suppress(OSError):
-            Path("/proc/self/clear_refs").write_text("5")  # the peak begins anew
+            Path("/proc/self/clear_refs").write_text("5")  # resets the peak
         held = _memory("VmRSS")
         if verdict.file:
             judge(mutant, verdict, folder, written)
@@ -304,7 +304,7 @@ def work(mutant: Mutant, folder: Path, real: Path | None) -> None:
 
 
 def _memory(word: str) -> int:
-    """[byte] This process's memory by /proc; 0 on systems without."""
+    """[byte] Memory of this process from /proc; 0 on systems without /proc."""
     with contextlib.suppress(OSError, StopIteration):
         lines = Path("/proc/self/status").read_text().splitlines()
         return 1024 * int(next(line.split()[1] for line in lines if line.startswith(word)))
@@ -319,7 +319,7 @@ def run(
     real: Path | None = None,
     target: Callable[[Mutant, Path, Path | None], object] = work,
 ) -> Iterator[Verdict]:
-    """Verdicts on mutants, each judged in a fork; no mutant begins after so many seconds."""
+    """Judge mutants, each in a fork; no mutant starts after `seconds`."""
     end, rest, busy = time.monotonic() + seconds, iter(given), dict[int, tuple[Mutant, Path]]()
     known = set[str]()
     with tempfile.TemporaryDirectory(prefix="fuzz-") as base:
@@ -363,14 +363,14 @@ def _load(mutant: Mutant) -> None:
 
 
 def _held(process: int) -> int:
-    """[byte] Memory of a process; 0 where it has ended."""
+    """[byte] Memory of a process; 0 after its end."""
     with contextlib.suppress(OSError):
         return int(Path(f"/proc/{process}/statm").read_text().split()[1]) * resource.getpagesize()
     return 0
 
 
 def _left(mutant: Mutant, folder: Path, code: int) -> Verdict:
-    """The verdict that a process left, or that it ended without one."""
+    """Verdict that a process wrote, or the failure that it ended without one."""
     path = folder / "verdict"
     if code == DONE and path.exists():
         return Verdict(**loads(path.read_text()) | {"mutant": mutant})
@@ -392,15 +392,15 @@ def main(
     real: Path | None = None,
     json: Path | None = None,
 ) -> int:
-    """Judge mutants; 1 where one failed.
+    """Judge mutants, with exit code 1 if one failed.
 
     Args:
-      mutants: how many.
-      seconds: after which no mutant begins.
-      kinds: of logs, separated by commas.
+      mutants: number of mutants.
+      seconds: time after which no mutant starts.
+      kinds: formats of logs, separated by commas.
       only: names of mutants.
       real: folder of real logs, damaged too.
-      json: file to which a line is added for each.
+      json: file that gets a line for each mutant.
     """
     layouts = [*LAYOUTS]
     if real:
@@ -409,7 +409,7 @@ def main(
         layouts = [o for o in layouts if o.partition(":")[0] in kinds.split(",")]
     every = map(Mutant.parse, only) if only else drawn(mutants, seed, layouts)
     verdicts: list[Verdict] = []
-    with contextlib.suppress(KeyboardInterrupt):  # what is done is counted
+    with contextlib.suppress(KeyboardInterrupt):  # finished mutants are reported
         for one in run(every, workers=workers, seconds=seconds, real=real):
             verdicts.append(one)
             for failure in one.failures:
@@ -425,7 +425,7 @@ def main(
 
 
 def report(verdicts: list[Verdict]) -> None:
-    """Print outcomes by kind, causes with a mutant of each, and what took the most."""
+    """Print outcomes by format, causes with a mutant of each, and the costliest mutants."""
     for kind in sorted({one.mutant.kind for one in verdicts}):
         of = [one for one in verdicts if one.mutant.kind == kind]
         count = Counter("failed" if one.failures else one.outcome for one in of)

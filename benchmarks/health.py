@@ -1,16 +1,15 @@
-"""Health: deployments with and without a fault, judged by the twin and by simple rivals.
+"""Health: fault detection on simulated deployments, by the twin and by simple rivals.
 
     python -m benchmarks.health --vehicle slocum-200 --each 8 --sound 16 --seed 201 --keep FILE
     python -m benchmarks.health --judge FILE [FILE ...] [--taught FILE ...] [--thresholds]
 
-The first flies deployments in lanes with the errors of preset `faulty` and keeps the channels of
-their dives, a line for each deployment; the second prints what is noticed. A fault is there to be
-noticed from the first dive in which its expected signature is three deviations of the channels, as
-they were in the deployment before it; it is noticed in time where the first alarm comes within
-three dives of that dive and not before the onset. Rivals see the same channels: charts with limits
-of three standard deviations, or of as many as give one false alarm in 30 days of the deployments
-that `--taught` names, and a detector that learned from these. Tables are printed as
-docs/results/health.md has them.
+The first command flies deployments in the batched engine with the errors of preset `faulty`, and
+keeps the channels of their dives, a line for each deployment. The second prints how faults were
+detected. A fault is detectable from the first dive whose expected signature is three standard
+deviations of the channels before it. It is detected in time if the first alarm comes within three
+dives of that dive, and not before the onset. Rivals use the same channels: charts with limits of
+three standard deviations, or of one false alarm in 30 days of the deployments after `--taught`, and
+a detector trained on these deployments. Tables are printed in the form of docs/results/health.md.
 """
 
 from __future__ import annotations
@@ -63,13 +62,13 @@ Array = NDArray[np.float64]
 Case = dict[str, Any]
 
 SEEN = 3.0
-"""Deviations of a signature in one dive from which a fault is there to be noticed"""
+"""[1] Size of a signature, in standard deviations of a dive, from which a fault is detectable"""
 WITHIN = 3
-"""Dives in which it must be"""
+"""Dives within which a detection is in time"""
 NEAR = 2
-"""Dives by which the onset may be off"""
+"""Largest error, in dives, of an onset that counts as right"""
 RATE = 30.0
-"""[d] of sound vehicles with one false alarm"""
+"""[d] Time of sound vehicles per false alarm"""
 OURS, LEARNED = "twin health", "learned detector"
 CHARTS: Mapping[str, tuple[str, ...]] = {
     "chart of roll and depth rate": ("roll_dive", "roll_climb", "rate_dive", "rate_climb"),
@@ -78,16 +77,16 @@ CHARTS: Mapping[str, tuple[str, ...]] = {
 COUNTED = ("flown", "to be noticed", "in time", "noticed", "named", "onset")
 """Columns of `counts`"""
 LIMIT = 3.0
-"""Standard deviations of the charts' limits"""
+"""[1] Charts' limits in standard deviations"""
 BEFORE = 6
-"""Dives that a chart's limits are learned from"""
+"""Number of first dives that set a chart's limits"""
 
 
 # --- deployments ----------------------------------------------------------------------------------
 
 
 def _flown(job: tuple[DeploymentPlan, Sequence[DeploymentDraw], Path | None]) -> list[Case]:
-    """Some deployments: flown, stored, made to channels; a kept store is not flown again."""
+    """Fly some deployments, store them and compute their channels; a kept store is read again."""
     plan, draws, kept = job
     with tempfile.TemporaryDirectory() as folder:
         path = kept or Path(folder) / "cases.zarr"
@@ -110,7 +109,7 @@ def _flown(job: tuple[DeploymentPlan, Sequence[DeploymentDraw], Path | None]) ->
 
 
 def _store_name(plan: DeploymentPlan, draws: Sequence[DeploymentDraw]) -> str:
-    """Of the store of some deployments of a plan."""
+    """Name of the store of some deployments of a plan."""
     which = repr((plan.kinds, plan.size, [draw.number for draw in draws]))
     words = (plan.vehicle.name, plan.preset, plan.seed, f"{zlib.crc32(which.encode()):08x}")
     return "-".join(map(str, words)) + ".zarr"
@@ -119,10 +118,10 @@ def _store_name(plan: DeploymentPlan, draws: Sequence[DeploymentDraw]) -> str:
 def fly(
     plan: DeploymentPlan, *, each: int, sound: int, workers: int = 1, stores: Path | None = None
 ) -> Iterator[Case]:
-    """Channels of `each` deployments of every kind of a plan, and of so many sound ones.
+    """Fly `each` deployments of every fault type of a plan, and `sound` ones; give their channels.
 
     Args:
-      stores: folder that keeps the logs: what is there is read and not flown again.
+      stores: folder that keeps the logs; a log that is there is read instead of flown.
     """
     lacking = dict.fromkeys(plan.kinds, each) | {HEALTHY: sound}
     draws: list[DeploymentDraw] = []
@@ -136,7 +135,7 @@ def fly(
         if lacking[draw.kind]:
             lacking[draw.kind] -= 1
             draws.append(draw)
-    # a block flies as long as its longest
+    # a block flies as long as its longest deployment
     draws.sort(key=lambda draw: draw.scenario.run_time())
     blocks = [draws[first : first + CHUNK] for first in range(0, len(draws), CHUNK)]
     jobs = [(plan, block, stores and stores / _store_name(plan, block)) for block in blocks]
@@ -149,35 +148,35 @@ def fly(
 
 
 class Alarms(NamedTuple):
-    """What one detector says of a deployment."""
+    """Result of one detector on a deployment."""
 
     statistic: Array
-    """after each dive, (dives,); above its level there is an alarm"""
+    """Statistic after each dive, (dives,); above its level there is an alarm"""
     kind: str
-    """that it names at the end; empty where it names none"""
+    """Fault type that the detector names at the end; empty for none"""
     also: Sequence[str] = ()
     since: int | None = None
-    """Place of the dive with which it says that the fault began"""
+    """Index of the dive at which the fault began, by the detector"""
 
 
 class Judged(NamedTuple):
-    """A deployment with what is true of it and what each detector says."""
+    """Deployment with its true fault and the result of each detector."""
 
     case: Case
     days: Array
-    """[d] of its dives since its first, (dives,)"""
+    """[d] Times of the dives since the first, (dives,)"""
     onset: int | None
     seen: int | None
-    """Place of the first dive in which the fault is there to be noticed"""
+    """Index of the first dive in which the fault is detectable"""
     alarms: dict[str, Alarms]
 
     def first(self, name: str, level: float) -> int | None:
-        """Place of the dive of a detector's first alarm."""
+        """Index of the dive of a detector's first alarm."""
         over = np.flatnonzero(self.alarms[name].statistic > level)
         return int(over[0]) if over.size else None
 
     def in_time(self, name: str, level: float) -> bool:
-        """Whether a fault that is there to be noticed was, not before its onset."""
+        """Whether a detectable fault was detected in time, and not before its onset."""
         at = self.first(name, level)
         if at is None or self.seen is None or self.onset is None:
             return False
@@ -188,7 +187,7 @@ _vehicle = functools.cache(load_vehicle)
 
 
 def judged_case(case: Case, detector: FaultDetector | None = None) -> Judged:
-    """One kept deployment by every detector."""
+    """Run every detector on one kept deployment."""
     vehicle, values = _vehicle(case["vehicle"]), np.array(case["values"], float)
     one = judged(
         case["name"], case["numbers"], values, np.array(case["time"]), np.array(case["ways"]),
@@ -213,7 +212,7 @@ def judged_case(case: Case, detector: FaultDetector | None = None) -> Judged:
 
 
 def _seen(one: DeploymentHealth, case: Case, begun: int, vehicle: Vehicle) -> int | None:
-    """Place of the first dive in which a fault's signature is `SEEN` deviations."""
+    """Index of the first dive in which a fault's signature exceeds `SEEN` standard deviations."""
     fault = fault_from_dict(case["fault"])
     every = flown_signatures(vehicle, TypicalDive(**case["dive"])).in_dives(np.array(case["ways"]))
     mine = [h for h in every if h.kind == fault.kind]
@@ -236,7 +235,7 @@ def _seen(one: DeploymentHealth, case: Case, begun: int, vehicle: Vehicle) -> in
 
 
 def _chart(values: Array, channels: Sequence[str]) -> Array:
-    """Deviations by which a chart is beyond its middle in two dives that follow each other."""
+    """Smaller distance from a chart's mean in two successive dives, in standard deviations."""
     beyond = np.zeros(len(values))
     for name in channels:
         column = values[:, NAMES.index(name)]
@@ -250,7 +249,7 @@ def _chart(values: Array, channels: Sequence[str]) -> Array:
 
 
 def learned(cases: Sequence[Case]) -> FaultDetector:
-    """A detector that learned from kept deployments."""
+    """Train a detector on kept deployments."""
     onsets = [
         case["numbers"].index(int(case["onset"])) if case["onset"] in case["numbers"] else None
         for case in cases
@@ -267,9 +266,9 @@ def learned(cases: Sequence[Case]) -> FaultDetector:
 
 
 def sound_days(ones: Sequence[Judged], name: str, level: float) -> tuple[int, float]:
-    """False alarms, and days of sound vehicles until the first in each deployment.
+    """Count false alarms, and days of sound vehicles until the first alarm of each deployment.
 
-    What comes before a fault is sound; a deployment's alarm ends its count.
+    The time before a fault is sound; a deployment's count ends at its first alarm.
     """
     alarms, days = 0, 0.0
     for one in ones:
@@ -282,7 +281,7 @@ def sound_days(ones: Sequence[Judged], name: str, level: float) -> tuple[int, fl
 
 
 def level_of(ones: Sequence[Judged], name: str, days: float) -> float:
-    """The lowest level at which there is at most one false alarm in so many days."""
+    """Lowest level with at most one false alarm in `days`."""
     highest = sorted(
         {float(s) for one in ones
          for s in np.maximum.accumulate(
@@ -301,16 +300,16 @@ def level_of(ones: Sequence[Judged], name: str, days: float) -> float:
 
 
 def interval(alarms: int, days: float) -> tuple[float, float]:
-    """95 % of the alarms in `RATE` days that a count in so many days tells (Garwood 1936)."""
+    """95 % interval of alarms in `RATE` days, from a count in `days` (Garwood 1936)."""
     low = 0.0 if alarms == 0 else 0.5 * float(chi2.ppf(0.025, 2 * alarms))
     high = 0.5 * float(chi2.ppf(0.975, 2 * alarms + 2))
     return low * RATE / days, high * RATE / days
 
 
 def outcome(one: Judged, name: str, level: float) -> tuple[bool, ...]:
-    """Judge a deployment with a fault by a detector: `COUNTED`.
+    """Judge a detector on a deployment with a fault: values of `COUNTED`.
 
-    A fault is named, too, by one that nothing tells from it.
+    The name of a fault with the same signature counts as right.
     """
     at, says, onset = one.first(name, level), one.alarms[name], one.onset
     rung = at is not None and onset is not None and at >= onset
@@ -330,21 +329,21 @@ def counts(ones: Sequence[Judged], name: str, level: float) -> dict[str, int]:
 
 
 def split(ones: Sequence[Judged], by: str) -> dict[str, list[Judged]]:
-    """Deployments by `truth`, in the order of FAULTS, or by `vehicle`."""
+    """Group deployments by `truth`, in the order of FAULTS, or by `vehicle`."""
     order = FAULTS if by == "truth" else dict.fromkeys(one.case["vehicle"] for one in ones)
     found = {word: [one for one in ones if one.case[by] == word] for word in order}
     return {word: mine for word, mine in found.items() if mine}
 
 
 def of_kinds(ones: Sequence[Judged], level: float) -> str:
-    """What is noticed of each kind."""
+    """Table of detections for each fault type."""
     kinds = split(ones, "truth") | {"all": list(ones)}
     rows = [[kind, *counts(mine, OURS, level).values()] for kind, mine in kinds.items()]
     return markdown(["fault", *COUNTED], rows)
 
 
 def of_detectors(ones: Sequence[Judged], teachers: Sequence[Judged], level: float) -> str:
-    """Every detector, at its own level and at that which the teachers give."""
+    """Table of all detectors, each at its own level and at the training deployments' level."""
     levels = [(OURS, OURS, level)]
     levels += [(f"{name}, 3 deviations", name, LIMIT) for name in CHARTS]
     if teachers:
@@ -361,7 +360,7 @@ def of_detectors(ones: Sequence[Judged], teachers: Sequence[Judged], level: floa
 
 
 def of_vehicles(ones: Sequence[Judged], level: float) -> str:
-    """What is noticed of each vehicle's faults, and its false alarms."""
+    """Table of detections and false alarms for each vehicle."""
     rows = []
     for vehicle, mine in {**split(ones, "vehicle"), "all": ones}.items():
         alarms, days = sound_days(mine, OURS, level)
@@ -373,7 +372,7 @@ def of_vehicles(ones: Sequence[Judged], level: float) -> str:
 
 
 def of_both(ones: Sequence[Judged], level: float) -> str:
-    """Part of what is to be noticed of each kind and vehicle that is noticed in time."""
+    """Table of the fraction of detectable faults detected in time, by fault type and vehicle."""
     vehicles, rows = split(ones, "vehicle"), []
     for kind in split(ones, "truth"):
         found = [
@@ -385,7 +384,7 @@ def of_both(ones: Sequence[Judged], level: float) -> str:
 
 
 def of_sizes(ones: Sequence[Judged], level: float) -> str:
-    """Part that is noticed in each third of a kind's sizes."""
+    """Table of the fraction detected in each third of a fault type's sizes."""
     rows = []
     for kind, mine in split(ones, "truth").items():
         low, high = FAULTS[kind].sizes
@@ -404,7 +403,7 @@ def of_sizes(ones: Sequence[Judged], level: float) -> str:
 
 
 def of_confusion(ones: Sequence[Judged], name: str, level: float) -> str:
-    """What noticed faults are called."""
+    """Table of the names that detected faults were given."""
     rows = []
     noticed = COUNTED.index("noticed")
     for kind, mine in split(ones, "truth").items():
@@ -417,10 +416,10 @@ def of_confusion(ones: Sequence[Judged], name: str, level: float) -> str:
 
 
 def by_law(count: int = 400, dives: int = 40, seed: int = 0) -> list[Judged]:
-    """Sound deployments of a Slocum whose channels are as loud as `CHANNELS` says, all of them.
+    """Sample sound deployments of a Slocum with the noise that `CHANNELS` states.
 
-    Channels walk, and are noisy, by normal numbers; eight dives a day on one heading. Simulated
-    deployments are quieter in most channels, real ones are not.
+    Channels are random walks with normal noise; eight dives a day on one heading. Simulated
+    deployments have less noise in most channels, real ones do not.
     """
     vehicle, rng = _vehicle("slocum-200"), np.random.default_rng(seed)
     shape, days = usual_dive(vehicle), np.arange(dives) / 8.0
@@ -436,7 +435,7 @@ def by_law(count: int = 400, dives: int = 40, seed: int = 0) -> list[Judged]:
 
 
 def of_levels(ones: Sequence[Judged], rates: Sequence[float]) -> str:
-    """The levels that give so many days for one false alarm."""
+    """Table of the levels for one false alarm in each of these numbers of days."""
     rows, drawn = [], by_law()
     for days in rates:
         row = [f"{days:g}"]
@@ -450,7 +449,7 @@ def of_levels(ones: Sequence[Judged], rates: Sequence[float]) -> str:
 
 
 def of_rates(ones: Sequence[Judged]) -> str:
-    """Both detectors by the false alarms that they have on these deployments themselves."""
+    """Table of both detectors at equal false-alarm rates on these deployments."""
     rows = []
     for name in (OURS, LEARNED):
         for rate in (0.25, 0.5, 1.0, 1.5):
@@ -463,7 +462,7 @@ def of_rates(ones: Sequence[Judged]) -> str:
 
 
 def load(paths: Sequence[Path]) -> list[Case]:
-    """Kept deployments."""
+    """Read kept deployments."""
     return [json.loads(line) for path in paths for line in path.read_text().splitlines()]
 
 
@@ -483,17 +482,17 @@ def main(
     taught: tuple[Path, ...] = (),
     thresholds: bool = False,
 ) -> None:
-    """Fly and keep, or print the tables.
+    """Fly and keep deployments, or print the tables.
 
     Args:
-      each: deployments of each kind of fault.
-      sound: deployments without one.
-      size: of every fault, in its unit.
-      keep: file that channels are added to; judge later.
-      stores: folder that keeps the logs: none flies twice.
-      judge: kept files; nothing flies.
-      taught: kept files of teachers.
-      thresholds: levels by false alarms.
+      each: deployments of each fault type.
+      sound: deployments without a fault.
+      size: size of every fault, in its unit.
+      keep: file to which channels are added, for `--judge`.
+      stores: folder that keeps the logs, so that none flies twice.
+      judge: kept files to judge, without flying.
+      taught: kept files of training deployments.
+      thresholds: print levels by false alarms.
     """
     cases = load(judge)
     for name in vehicle if not judge else ():
@@ -510,7 +509,7 @@ def main(
     teaching = load(taught)
     detector = learned(teaching) if teaching else None
     ones = [judged_case(case, detector) for case in cases]
-    # a detector's level is told by deployments that did not teach it
+    # deployments that did not train a detector set its level
     halves = [teaching[0::2], teaching[1::2]]
     others = [learned(half) if teaching else None for half in halves[::-1]]
     teachers = [

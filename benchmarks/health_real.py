@@ -1,11 +1,11 @@
-"""Health of real logs: what rings on them, and faults put into what their dives say.
+"""Health of real logs: alarms on the logs as they are, and detection of faults added to them.
 
     python -m benchmarks.health_real barnacle.zarr unit334.zarr --work identified \
         --keep docs/results/health_real.json
 
 The stores are those of `factory import`. Each deployment is judged with the shipped vehicle of its
-kind and, where the log has attitude, with the one that `twin identify` makes of its first half.
-Then each fault's signature is added to the second half's channels, and the detector looks again.
+type and, if the log has attitude, with the vehicle that `twin identify` fits to its first half.
+Then each fault's signature is added to the second half's channels, and the detector runs again.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ PUT: tuple[tuple[str, float, dict[str, Any]], ...] = (
     ("compass_iron", 5.0, {"toward": 45.0}),
     ("compass_iron", 15.0, {"toward": 45.0}),
 )
-"""Faults that are put in: kind, size, which of its ways; sizes within those that the kinds draw"""
+"""Faults to add: type, size and variant; sizes are within the types' sampled ranges"""
 WITHIN = 3
-"""Dives from the first faulty one in which an alarm is in time"""
+"""Dives from the first faulty one within which an alarm is in time"""
 DAYS = 30.0
-"""[d] of sound vehicles with one false alarm"""
+"""[d] Time of sound vehicles per false alarm"""
 
 
 def _vehicles(logs: LogStore, store: Path, name: str, work: Path) -> dict[str, Vehicle]:
-    """The shipped one, and the one of the first half; none for too few dives."""
+    """Shipped vehicle, and the one fitted to the first half; none for too few dives."""
     rows = logs.missions_of(name)
     if len(rows) < LEAST_DIVES:
         return {}
     if "measured_pitch" in logs:
         found = {"shipped": start_vehicle(store)}
-    else:  # a log whose depth no vehicle of 200 m reaches is of one of 1000 m
+    else:  # a log deeper than a 200 m vehicle dives is of a 1000 m vehicle
         deep = float(np.nanmax(logs.rows("measured_depth", range(len(logs))))) > 230.0
         found = {"shipped": load_vehicle("slocum-1000" if deep else "slocum-200")}
     path = work / f"{store.stem}-{name}.xml"
@@ -66,7 +66,7 @@ def _vehicles(logs: LogStore, store: Path, name: str, work: Path) -> dict[str, V
 def _look(
     logs: LogStore, store: Path, name: str, which: str, vehicle: Vehicle, kept: dict[str, Any]
 ) -> None:
-    """One deployment as it is, and with each fault."""
+    """Judge one deployment as it is, and with each fault added."""
     told = told_by(logs, name, vehicle)
     threshold = threshold_of(DAYS)
     one = judged(**told, vehicle=vehicle, threshold=threshold)
@@ -117,7 +117,7 @@ def _cell(value: object) -> str:
 def main(
     stores: command.Positional[tuple[Path, ...]], *, work: Path, keep: Path | None = None
 ) -> None:
-    """Judge, print, keep.
+    """Judge deployments, print the results, and keep them if asked.
 
     Args:
       stores: of logs.

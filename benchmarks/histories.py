@@ -1,13 +1,13 @@
-"""Histories: processes that write are killed at random moments; nothing is lost, nothing is half.
+"""Histories of killed writers: processes are killed at random moments, and no data may be lost.
 
     python -m benchmarks.histories [KIND ...] [--histories 1000] [--seed 0]
 
-A history of `factory generate` has one to three killed runs and spoilt files of the unfinished
-store, then a run to the end. Kinds of kill: the parent, one of two workers, three commands with
---shard at once, a worker of a dask cluster which another one replaces. The store must have, byte
-for byte, the tree that an undisturbed process makes, with nothing beside it, and `factory verify`
-must name a file that is damaged (`damage`: of whole stores). A killed `import` leaves the old store
-or the new one whole, a killed pass of `watch` what the next one completes.
+A history of `factory generate` has one to three killed runs, damaged files of the unfinished store,
+and a final run to the end. Killed are the parent, one of two workers, three --shard commands at
+once, or a worker of a dask cluster, which another one replaces. The store must then have the same
+bytes as an undisturbed run's, and no further files. `factory verify` must name each damaged file
+(`damage`: of finished stores). A killed `import` must leave the old or new store whole, a killed
+pass of `watch` a state that the next pass completes.
 """
 
 from __future__ import annotations
@@ -43,20 +43,20 @@ from factory.store_check import check_files
 from twin.records.presence import generating
 
 MEMORY = Path("/dev/shm")
-"""Where stores are made if it is there: nothing then waits for a disk"""
+"""Folder of the stores, if it exists: no disk then delays them"""
 SHORT = {
     "mission.duration_h": "uniform(0.03, 0.06)",
     "mission.segment_duration_s": "uniform(30, 90)",
 }
 HOURS = 1.0
-"""[h] of a store, in missions of two to four minutes"""
+"""[h] Length of a store, in missions of two to four minutes"""
 PARTS, MOST_KILLS = [StorePart(index, 3) for index in range(3)], 3
 KEPT = ("recipe.json", "array.json", "lock")
-"""Files of an unfinished store that are not spoilt: without them it is another one"""
+"""Files of an unfinished store that are never damaged: they define the store"""
 
 
 def digest(folder: Path, pattern: str = "*") -> str:
-    """SHA-256 over names and bytes of the files below a folder."""
+    """SHA-256 over names and bytes of the files in a folder."""
     found = hashlib.sha256()
     for path in sorted(path for path in folder.rglob(pattern) if path.is_file()):
         found.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
@@ -71,16 +71,16 @@ class Ground:
     draw: random.Random
     recipe: Recipe
     expected: str
-    """hash of the tree"""
+    """Hash of the undisturbed store"""
     seconds: float
-    """[s] that an undisturbed run takes"""
+    """[s] Duration of an undisturbed run"""
     address: str = ""
     workers: list[subprocess.Popen[bytes]] = dataclasses.field(default_factory=list)
-    """of the dask scheduler at the address"""
+    """Workers of the dask scheduler at the address"""
 
     @classmethod
     def prepare(cls, folder: Path, seed: int = 0) -> Ground:
-        """Make the store undisturbed: by one process, and by two whose time is taken."""
+        """Make the store undisturbed, by one process and by two, and time the latter."""
         recipe = make_recipe(hours=HOURS, changes=SHORT)
         assert done(lambda: generate(recipe, folder / "one.zarr", workers=1))
         begun = time.monotonic()
@@ -89,14 +89,14 @@ class Ground:
         return cls(folder, random.Random(seed), recipe, digest(folder / "one.zarr"), seconds)
 
     def begin(self, work: Callable[[], object], seconds: float | None = None) -> int:
-        """Start something, up to a random moment of it; its process."""
+        """Start some work, wait until a random moment, and return its process."""
         process = fork(work)
         time.sleep(self.draw.uniform(0.0, seconds or self.seconds))
         return process
 
 
 def harm(ground: Ground, kind: str, store: Path) -> int:
-    """Start what makes a store and kill it; an exit code above 0 is a loss."""
+    """Start a writer of a store and kill it; an exit code above 0 is a loss."""
     recipe = ground.recipe
     if kind == "parts":
         every = [fork(partial(generate_part, recipe, store, part)) for part in PARTS[1:]]
@@ -112,7 +112,7 @@ def harm(ground: Ground, kind: str, store: Path) -> int:
         return wait(process)
     process = ground.begin(partial(generate, recipe, store, workers=2, resume=True))
     if kind == "worker":
-        with contextlib.suppress(OSError, IndexError):  # it may have ended
+        with contextlib.suppress(OSError, IndexError):  # the process may have ended
             text = Path(f"/proc/{process}/task/{process}/children").read_text()
             os.kill(int(text.split()[0]), signal.SIGKILL)
     code = wait(process, kill=kind == "parent")
@@ -120,7 +120,7 @@ def harm(ground: Ground, kind: str, store: Path) -> int:
 
 
 def history(ground: Ground, kind: str, store: Path) -> str | None:
-    """Kill, spoil, resume, verify; what was lost, None for nothing."""
+    """Kill, damage, resume and verify; return the loss, None for no loss."""
     for _ in range(ground.draw.randint(1, MOST_KILLS)):
         code = harm(ground, kind, store)
         if code > 0:
@@ -140,15 +140,15 @@ def history(ground: Ground, kind: str, store: Path) -> str | None:
 
 
 def _spoil(ground: Ground, store: Path) -> None:
-    """Cut or remove a file of an unfinished store, every second time."""
+    """Cut or remove a file of an unfinished store, in half of the calls."""
     place = generating(store)
-    # os.walk passes over folders that a worker without its parent removes meanwhile
+    # os.walk ignores folders that an orphaned worker removes meanwhile
     walked = ((Path(folder), names) for folder, _, names in os.walk(place))
     found = sorted(at / name for at, names in walked for name in names if name not in KEPT)
     if not found or ground.draw.random() < 0.5:
         return
     path = ground.draw.choice(found)
-    with contextlib.suppress(FileNotFoundError):  # a worker without its parent may still work
+    with contextlib.suppress(FileNotFoundError):  # an orphaned worker may still run
         if ground.draw.random() < 0.5:
             path.unlink()
         else:
@@ -156,7 +156,7 @@ def _spoil(ground: Ground, store: Path) -> None:
 
 
 def fault_of(ground: Ground, store: Path) -> str | None:
-    """Name the fault of a store that should be complete; None when it has none."""
+    """Name the fault of a store that should be complete; None for a sound store."""
     if not store.is_dir():
         return "there is no store"
     if digest(store) != ground.expected:
@@ -169,7 +169,7 @@ def fault_of(ground: Ground, store: Path) -> str | None:
 
 
 def unnoticed(ground: Ground, store: Path) -> str | None:
-    """Damage one file of a store; name the damage if `factory verify` does not name the file."""
+    """Damage one file of a store; return the damage if `factory verify` does not name the file."""
     every = sorted(path for path in store.rglob("*") if path.is_file())
     path, other = ground.draw.sample(every, 2)
     data = path.read_bytes()
@@ -192,7 +192,7 @@ def unnoticed(ground: Ground, store: Path) -> str | None:
 
 
 def kill_runs(ground: Ground, kind: str, times: int) -> list[str]:
-    """Losses of so many histories of `factory generate`."""
+    """Losses in `times` histories of `factory generate`."""
     lost = []
     with contextlib.ExitStack() as stack:
         if kind == "dask":
@@ -210,7 +210,7 @@ def kill_runs(ground: Ground, kind: str, times: int) -> list[str]:
 
 
 def kill_imports(ground: Ground, kind: str, times: int) -> list[str]:
-    """Kill imports that are to replace a store; attributes have the date, so that values count."""
+    """Kill imports that replace a store; only values are compared, since attributes have dates."""
     from factory import samples
 
     place, lost = ground.folder / kind, []
@@ -241,7 +241,7 @@ def kill_imports(ground: Ground, kind: str, times: int) -> list[str]:
 
 
 def kill_passes(ground: Ground, kind: str, times: int) -> list[str]:
-    """Losses of killed passes of `twin watch`."""
+    """Losses in killed passes of `twin watch`."""
     from benchmarks.watch_passes import killed
 
     found: dict[str, Any] = killed(times, ground.draw.randrange(2**31), ground.folder / kind)
@@ -249,7 +249,7 @@ def kill_passes(ground: Ground, kind: str, times: int) -> list[str]:
 
 
 def damage_stores(ground: Ground, kind: str, times: int) -> list[str]:
-    """Damages of whole stores that `factory verify` does not find."""
+    """Damages of finished stores that `factory verify` does not find."""
     lost = []
     for _ in range(times):
         shutil.copytree(ground.folder / "one.zarr", ground.folder / kind)
@@ -272,12 +272,12 @@ Kind = Literal["parent", "worker", "parts", "dask", "import", "watch", "damage"]
 def main(
     kinds: command.Positional[tuple[Kind, ...]] = (), *, histories: int = 1000, seed: int = 0
 ) -> int:
-    """Print a line a kind, and what was lost; 1 when something was.
+    """Print a line for each kind of kill, and the losses; exit code 1 if there are any.
 
     Args:
-      kinds: of kills; those of `factory generate` if not given.
-      histories: of all kinds together.
-      seed: of the moments.
+      kinds: kinds of kills; default those of `factory generate`.
+      histories: number of histories of all kinds together.
+      seed: seed of the random moments.
     """
     chosen = kinds or tuple(kind for kind, make in KINDS.items() if make is kill_runs)
     every: list[str] = []

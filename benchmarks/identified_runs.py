@@ -1,25 +1,25 @@
-"""Propelled vehicles with wrong numbers, identified from runs with sensor errors, flown again.
+"""Identified runs: wrong propelled vehicles, identified from noisy runs and flown again.
 
     python -m benchmarks.identified_runs [--vehicle remus] [--seeds 1,2] [--bags] [--dimensions]
                                          [--runs 4] [--json]
     python -m benchmarks.identified_runs --sway sail.zarr
 
-For every seed a vehicle is made that no fit knows: every derivative of its hull law within 15 %,
-drag by -25 to +35 %, thrust 15 %, fins -25 to +30 % and 1.5 deg askew, its centre of gravity 1 mm
-along the hull and its righting arm 15 %, added mass 15 %, water 1 kg/m3 off neutral. It flies
-`--runs` surveys in a current over a sea floor, guided as if it were the shipped one, with the
-sensors of `survey-field` (each run with errors of its own), and is identified from what they
-measured. Then the identified vehicle, the shipped one and the true one fly three missions that the
-fit has not seen, closed loop in MuJoCo under the guidance of the shipped vehicle's file. Printed
-is what each is off from the true one: mean size of the error of surge over its mean, yaw rate and
-depth rate root mean square over theirs, sample by sample. `spread` is the root mean square error of
-the determined parameters in their stated deviations. With `--bags` the identification has nothing
-but folders of rosbag2, which the library of ROS's own format wrote and `factory import` read. With
-`--dimensions` it starts from length, diameter, mass, fins and screw of the vehicle and knows no
+Each seed makes an unknown vehicle. Every derivative of its hull law differs by up to 15 %,
+drag by -25 to +35 %, thrust by 15 %, fins by -25 to +30 % and 1.5 deg. Its centre of gravity is off
+by 1 mm along the hull, its righting arm by 15 %, added mass by 15 %, neutral density by 1 kg/m3. It
+flies `--runs` surveys in a current over a sea floor, guided like the shipped vehicle, with the
+sensors of `survey-field` (each run with its own errors). From these measurements it is identified.
+Then the identified, the shipped and the true vehicle fly three unseen missions in MuJoCo, under the
+guidance of the shipped vehicle's file. Printed are errors against the true vehicle, sample by
+sample: of surge the mean absolute error over its mean, of yaw rate and depth rate the root mean
+squares over theirs. `spread` is the root mean square error of the determined parameters in stated
+standard deviations. With `--bags` the identification reads rosbag2 folders, written by ROS's own
+library and read by `factory import`. With `--dimensions` it starts from length, diameter, mass,
+fins and screw, without a file; the print then has these dimensions' vehicle as the shipped one.
 file; what is printed beside it is then the vehicle that these dimensions make.
 
-`--sway` is for a store of real runs that has a Doppler log and gyroscopes, and no controls: what a
-steady turn's sway is per yaw rate, fitted to all deployments but one and applied to that one.
+`--sway` is for a store of real runs with a Doppler log and gyroscopes, without controls. The steady
+sway per yaw rate is fitted to all deployments but one, and applied to that one.
 """
 
 from __future__ import annotations
@@ -57,16 +57,16 @@ from twin.water.density import DensityProfile
 Array = NDArray[np.float64]
 
 PERIOD = 0.2
-"""[s] of the runs"""
+"""[s] Sample period of the runs"""
 FAST, TURN = {"remus": 1.8, "tethys": 1.0}, {"remus": 12.0, "tethys": 20.0}
-"""Largest speed [m/s] and smallest radius [m] of the surveys"""
+"""[m/s], [m] Largest speed and smallest radius of the surveys, by vehicle"""
 UNSEEN = 3
 START = 10.0
-"""[s] of each unseen mission that are not judged"""
+"""[s] Start of each unseen mission that is not judged"""
 
 
 def other(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
-    """A vehicle that differs from its file in every number."""
+    """Make a vehicle that differs from its file in every number."""
     names = [one.name for one in vehicle.law.uncertainties()]
     law = vehicle.law.scaled({name: float(rng.uniform(0.85, 1.15)) for name in names})
     law = law.with_drag(float(rng.uniform(0.75, 1.35))) or law
@@ -92,7 +92,7 @@ def other(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
 
 
 def survey(rng: np.random.Generator, fast: float, radius: float, ways: int = 6) -> Mission:
-    """Level ways and circles of a minute at other speeds, depths and headings."""
+    """Mission of level legs and circles of a minute at various speeds, depths and headings."""
     segments = []
     for _ in range(ways):
         common: dict[str, Any] = {
@@ -113,7 +113,7 @@ def survey(rng: np.random.Generator, fast: float, radius: float, ways: int = 6) 
 
 
 def logged(truth: Vehicle, shipped: Vehicle, mission: Mission, seed: int) -> Trajectory:
-    """A run of the true vehicle with what its sensors measured."""
+    """Fly a run of the true vehicle, with the measurements of its sensors."""
     rng = np.random.default_rng(seed)
     water = DensityProfile.constant(shipped.reference_density)
     drift = rng.normal(0, 0.1), rng.normal(0, 0.1)
@@ -129,7 +129,7 @@ def logged(truth: Vehicle, shipped: Vehicle, mission: Mission, seed: int) -> Tra
 
 
 def through_bags(store: Path, vehicle: Vehicle, folder: Path) -> Path:
-    """A store of what folders of rosbag2 tell of a store's runs."""
+    """Convert a store's runs to rosbag2 folders, and import these to a store."""
     from rosbags.highlevel import AnyReader
     from rosbags.rosbag2 import Writer
 
@@ -148,7 +148,7 @@ def through_bags(store: Path, vehicle: Vehicle, folder: Path) -> Path:
                     writer.write(to[one.id], time, message)
     lines = ['vehicle = "survey"', f'model = "{vehicle.name}"', 'rows = "gaps"', "[signals]"]
     for part in vehicle.parts:
-        unit = {"cm3": "m3"}.get(part.unit, part.unit)  # messages have SI units
+        unit = {"cm3": "m3"}.get(part.unit, part.unit)  # messages use SI units
         for which in ("measured", "commanded"):
             lines.append(
                 f'{which}_{part.name} = {{ column = "/{which}/{part.name} data", unit = "{unit}" }}'
@@ -162,7 +162,7 @@ def through_bags(store: Path, vehicle: Vehicle, folder: Path) -> Path:
 def closed_loop(
     vehicle: Vehicle, truth: Vehicle, shipped: Vehicle, missions: list[Mission]
 ) -> dict[str, float]:
-    """Errors [%] of a vehicle on missions that both fly under the same guidance."""
+    """Errors [%] of a vehicle against the true one on missions under the same guidance."""
     off: dict[str, list[Array]] = {}
     size: dict[str, list[Array]] = {}
     for mission in missions:
@@ -201,7 +201,7 @@ def _rms(values: Array) -> float:
 
 
 def of_dimensions(vehicle: Vehicle) -> Vehicle:
-    """What the outside of a vehicle makes of it."""
+    """Make a vehicle from the outer dimensions of another."""
     rudder: Any = vehicle.part(vehicle.steering["heading"])
     screw: Any = vehicle.part("propeller")
     return Dimensions(
@@ -214,7 +214,7 @@ def of_dimensions(vehicle: Vehicle) -> Vehicle:
 def study(
     name: str, seed: int, runs: int, folder: Path, *, bags: bool, dimensions: bool
 ) -> dict[str, Any]:
-    """One vehicle: identified, and flown beside the true one and the one that it began with."""
+    """Identify one vehicle, and compare it and its start with the true vehicle."""
     shipped = load_vehicle(name)
     start, unsure = (of_dimensions(shipped), UNSURE) if dimensions else (shipped, 1.0)
     if start.part_names != shipped.part_names:
@@ -246,14 +246,14 @@ def study(
 
 
 MEAN = 2.0
-"""[s] over which sway and yaw rate are taken"""
+"""[s] Averaging time of sway and yaw rate"""
 SLOWEST = 0.3
-"""[m/s] of surge below which a vehicle does not fly"""
+"""[m/s] Surge below which samples are left out"""
 
 
 def left_out_sway(path: str) -> None:
-    """Print the median size of the sway about its own median, as it is and less what the other
-    deployments' law makes of the yaw rate."""
+    """Print the median absolute deviation of the sway, as measured and minus the sway that the law
+    of the other deployments predicts from the yaw rate."""
     found: dict[str, list[Array]] = {}
     with MissionStore(path) as store:
         for row, dive in enumerate(log_rows(store)):
@@ -297,9 +297,9 @@ def main(
     """Print the errors of each vehicle.
 
     Args:
-      bags: through folders of rosbag2.
+      bags: import the runs through rosbag2 folders.
       dimensions: start without a vehicle file.
-      sway: store of real runs: the sway of their turns alone.
+      sway: store of real runs, for the sway of their turns alone.
     """
     if sway:
         left_out_sway(sway)

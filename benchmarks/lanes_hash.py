@@ -1,15 +1,14 @@
-"""One hash: small fleets in lanes have the same log on every processor and in every company.
+"""Hashes of the batched engine: equal logs on every processor and in every block of missions.
 
     python -m benchmarks.lanes_hash [--fleets glider,slocum-200,tethys,gridded,paper,field]
 
-A fleet is of a vehicle, under a tide and a wind's current, the Slocum to a waypoint with a fix; of
-gliders in a gridded current; or of the missions that a preset of `factory generate` draws. One
-mission of it flies alone in a block of few, among others in a block of few and of many, and on two
-threads. All of that is done on three processors, each a process of its own: one of SSE2 alone, one
-of AVX2, one of AVX-512; what numba, NumPy and the C library find there is taken from them by their
-own switches. Printed is the SHA-256 of each log, and for each processor what the compiled equations
-are made of: operations on several lanes at once, on one, and calls. Without x86 only this processor
-is asked.
+A fleet is one of three: vehicles under a tide and a wind's current, the Slocum with a waypoint and
+a fix; gliders in a gridded current; or missions that a preset of `factory generate` samples. One of
+its missions flies alone in a small block, with others in a small and a large block, and on two
+threads. This runs on three processors, each emulated by a process: SSE2 alone, AVX2, AVX-512. Own
+switches of numba, NumPy and the C library disable other instructions. Printed are the SHA-256 of
+each log and, for each processor, the compiled equations' counts of packed operations, of single
+operations, and of calls. Without x86, only the machine's own processor runs.
 """
 
 from __future__ import annotations
@@ -48,33 +47,33 @@ SETTINGS = {
     "AVX-512": ("skylake-avx512", "SkylakeX", ""),
 }
 PROCESSORS = {one: dict(zip(NAMES, words, strict=True)) for one, words in SETTINGS.items()}
-"""Environment of a process that takes this machine for such a one, but for NumPy's switch"""
+"""Environment of a process that emulates each processor, without NumPy's switch"""
 KEPT_BY_NUMPY = {
     "SSE2": (),
     "AVX2": ("AVX", "F16C", "FMA3", "AVX2", "X86_V3"),
     "AVX-512": tuple(__cpu_dispatch__),
 }
-"""Of the instructions that NumPy looks for: its names of them have changed"""
+"""NumPy's names of the instructions, which differ between its versions"""
 HERE = "this machine's"
-"""The processor that is there, as it is"""
+"""Name of the machine's own processor"""
 CURRENT = "uniform:0.03,0.02+tide:m2=0.1,k1=0.03,direction=30+ekman:tau=0.1,direction=90"
 DURATIONS = {"slocum-200": 1800.0}
-"""[s], where it is not SHORT"""
+"""[s] Durations other than SHORT, by vehicle"""
 SHORT = 420.0
 DERIVED = ("true_roll", "true_pitch", "true_heading", "true_energy_")
-"""Signals that NumPy derives from the log by arctan2, arcsin and cos of the C library, as it does
-for MuJoCo: their last bit is another one on processors without FMA"""
+"""Signals that NumPy computes from the log with the C library's arctan2, arcsin and cos, as for
+MuJoCo; their last bit differs on processors without FMA"""
 VEHICLES = ("glider", "slocum-200", "tethys")
 GRIDDED = "gridded"
 DRAWN = ("paper", "field")
-"""Presets; their missions are cut to SHORT"""
+"""Presets whose missions are cut to SHORT"""
 FLEETS = (*VEHICLES, GRIDDED, *DRAWN)
 HOURS = 200.0
-"""[h] that hold more missions of a preset than fly here"""
+"""[h] Length of a preset's store, with more missions than fly here"""
 
 
 def fleet(name: str, count: int, folder: Path) -> list[twin.Scenario]:
-    """So many missions of one structure that differ from each other; files lie in the folder."""
+    """Make `count` different missions of one structure, with their files in the folder."""
     if name in DRAWN:
         return drawn(name, count)
     vehicle = "glider" if name == GRIDDED else name
@@ -98,7 +97,7 @@ def fleet(name: str, count: int, folder: Path) -> list[twin.Scenario]:
 
 
 def drawn(preset: str, count: int) -> list[twin.Scenario]:
-    """The first missions that a store of the preset has, each with its own vehicle and water."""
+    """First missions of a store of the preset, each with its own vehicle and water."""
     vehicle = twin.load_vehicle("glider")
     recipe = Recipe(preset=preset, hours=HOURS, seed=0, changes={}, vehicle=vehicle, engine="lanes")
     found: list[twin.Scenario] = []
@@ -111,7 +110,7 @@ def drawn(preset: str, count: int) -> list[twin.Scenario]:
 
 
 def gridded(folder: Path) -> Path:
-    """A file of a current that turns with depth, place and time."""
+    """Write a file of a current that varies with depth, place and time."""
     axes = {
         "time": np.datetime64("2000-01-04T12:00", "ns") + np.arange(3) * np.timedelta64(1, "D"),
         "depth": np.array([0.5, 10.0, 50.0, 200.0]),
@@ -132,7 +131,7 @@ def gridded(folder: Path) -> Path:
 
 
 def digest(flown: Trajectory) -> str:
-    """Hash of a log: its states, and its signals without what NumPy derives from them."""
+    """Hash of a log's states and signals, without those that NumPy computes from them."""
     found = hashlib.sha256(flown.states.tobytes())
     for name, values in sorted(flown.signals.items()):
         if not name.startswith(DERIVED):
@@ -141,7 +140,7 @@ def digest(flown: Trajectory) -> str:
 
 
 def hashes(name: str) -> dict[str, str]:
-    """Hash of the same mission of a fleet in every company."""
+    """Hash of one mission of a fleet in every block."""
     with tempfile.TemporaryDirectory() as folder:
         return _hashes(fleet(name, LANES[-1] + LANES[0], Path(folder)))
 
@@ -165,16 +164,16 @@ def _hashes(missions: list[twin.Scenario]) -> dict[str, str]:
 
 
 def arithmetic(vehicle: str, lanes: int = LANES[-1]) -> Arithmetic:
-    """Of the vehicle's compiled equations."""
+    """Instruction counts of the vehicle's compiled equations."""
     return Lane(fleet(vehicle, 1, Path())[0]).structure.arithmetic(lanes)
 
 
 def on_processor(
     name: str, hashed: Sequence[str] = FLEETS, counted: Sequence[str] = VEHICLES
 ) -> dict[str, Any]:
-    """What a process finds that takes this machine for `name`: `hashes` and `arithmetic`.
+    """Run `hashes` and `arithmetic` in a process that emulates processor `name`.
 
-    Other names than those of PROCESSORS, such as HERE, leave the machine what it is.
+    Names outside PROCESSORS, such as HERE, use the machine as it is.
     """
     switches: dict[str, str] = {}
     if name in PROCESSORS:
@@ -207,7 +206,7 @@ print(json.dumps({
 
 
 def processors() -> tuple[str, ...]:
-    """Those that this machine can be taken for."""
+    """Processors that this machine can emulate."""
     if platform.machine().lower() not in ("x86_64", "amd64"):
         return (HERE,)
     from llvmlite.binding import get_host_cpu_features
@@ -218,7 +217,7 @@ def processors() -> tuple[str, ...]:
 
 
 def main(*, fleets: str = ",".join(FLEETS)) -> int:
-    """Print the hashes; exit code 1 when a fleet has more than one, or code is not packed."""
+    """Print the hashes; exit code 1 if a fleet has several, or code is not vectorised."""
     chosen = tuple(fleets.split(","))
     counted = tuple(name for name in chosen if name in VEHICLES)
     rows, logs, packed = [], dict[str, set[str]](), True

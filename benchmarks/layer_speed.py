@@ -1,12 +1,12 @@
-"""Seconds per full gradient of 80 000 samples, against what the machine's matrix products allow.
+"""Layer speed: seconds per gradient of 80 000 samples, against the machine's matrix products.
 
     python -m benchmarks.layer_speed [--json] [--sequences 16] [--repeats 5] [--threads 1]
 
-Every contender has three hidden layers of 50 units and a linear output, reads 12 inputs and
-computes the mean squared error and its gradient over all samples, float32. The limit is the number
-of floating-point operations of the contender divided by the matrix-product rate that torch reaches
-on large matrices in the same run (best of both, repeated between the contenders because a shared
-machine's speed drifts). `share` is limit / seconds.
+Every layer stack has three hidden layers of 50 units and a linear output, reads 12 inputs, and
+computes the mean squared error and its gradient over all samples in float32. The limit is the
+stack's number of operations, divided by the rate of torch's large matrix products in the same run
+(best of both, repeated between the stacks because a shared machine's speed drifts). `share` is
+limit / seconds.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ DELAYS = 5
 def naive_context_delay(
     x: Tensor, history: Tensor, weight: Tensor, recurrent: Tensor, bias: Tensor
 ) -> Tensor:
-    """The layer in plain differentiable torch, (time, batch, features): judge and comparison.
+    """Compute the layer in plain torch, (time, batch, features): reference and comparison.
 
     `history` is (past, batch, hidden), oldest first; returns (time, batch, hidden).
     """
@@ -70,7 +70,7 @@ class Stack(nn.Module):
 
 
 class Torch(nn.Module):
-    """torch.nn.RNN, one delay."""
+    """torch.nn.RNN, with one delay."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -82,9 +82,9 @@ class Torch(nn.Module):
 
 
 def operations(delays: int) -> float:
-    """Floating-point operations of one gradient: forward, back through the data, weight sums.
+    """Operations of one gradient: forward, backward through the data, weight sums.
 
-    The first layer's input needs no gradient.
+    The gradient of the first layer's input is not computed.
     """
     recurrent = LAYERS * delays * HIDDEN * HIDDEN
     inputs = (LAYERS - 1) * HIDDEN * HIDDEN + HIDDEN
@@ -105,7 +105,7 @@ def product_rate(seconds: float = 0.3) -> float:
 
 
 def best_seconds(model: nn.Module, x: Tensor, repeats: int) -> float:
-    """Shortest of `repeats` gradients after one to warm up."""
+    """[s] Shortest time of `repeats` gradients, after one for warm-up."""
     found = []
     for _ in range(repeats + 1):
         model.zero_grad()
@@ -117,9 +117,9 @@ def main(*, json: bool = False, sequences: int = 16, repeats: int = 5, threads: 
     """Print the seconds of each layer beside their limit.
 
     Args:
-      sequences: side by side.
-      repeats: gradients of the layer under test.
-      threads: of torch.
+      sequences: number of sequences in parallel.
+      repeats: number of gradients of the layer under test.
+      threads: number of torch's threads.
     """
     torch.set_num_threads(threads)
     torch.manual_seed(0)

@@ -1,17 +1,17 @@
-"""Networks on a glider that their training never saw, beside networks of that glider.
+"""Left-out vehicle types: networks on a glider type unseen in training, against its own networks.
 
     python -m benchmarks.left_out_kinds [--folder WORK] [--hours 100] [--seconds 40] [--seed 0]
         [--json]
 
-For each of four kinds of gliders networks are trained on the three others, on that kind alone and
-on all four, and tested on missions of that kind with 40 % more drag, as those of
-`benchmarks.dead_reckoning`, tier `family`: scored behind five dives, unadapted and adapted to
-these, as `learn adapt` does without any velocity. The ratio is the error after five dives of
-networks of the others over that of networks of the kind, with a bootstrap over the missions.
+For each of four glider types, networks are trained on the three others, on that type alone, and on
+all four. Test missions of the type have 40 % more drag, as in `benchmarks.dead_reckoning`, tier
+`family`. Scores are after five dives, unadapted, and adapted to these dives as `learn adapt` does
+without a velocity. The ratio is the error of the others' networks over that of the type's networks,
+with a bootstrap over the missions.
 
-Networks of several kinds do not read controls, whose centimetres and millilitres are each vehicle's
-own, but what the flight filter makes of them; those of one kind have all inputs. Stores and runs
-are made once in the folder: remove it after a change of the code that flies or trains.
+Networks of several types do not read controls, whose units are each vehicle's own, but the flight
+filter's estimates; those of one type have all inputs. Stores and runs stay in the folder: remove
+it after a change of the code that flies or trains.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ from twin.numbers import Array
 
 LAST = DIVES[-1]
 SLOWER = {**HEAVY, "mission.max_depth_m": "uniform(40, 120)"}
-"""Of kinds that sink half as fast as the Sea-Wing: six hours hold more than five dives"""
+"""Changes for types that sink half as fast as the Sea-Wing: six hours hold more than five dives"""
 KINDS = {"glider": HEAVY, "slocum-200": SLOWER, "seaglider": SLOWER, "seaexplorer": SLOWER}
-"""Vehicles, and what their test missions have otherwise than preset `field`"""
+"""Vehicles, with the changes of their test missions to preset `field`"""
 SHARED = (*(group for group in INPUT_SETS["full"] if group != "controls"), FLIGHT)
-"""Groups of inputs that mean the same on every glider"""
+"""Groups of inputs with the same meaning on every glider"""
 ADAPTED = (0, LAST)
-"""Dives adapted on that are shown"""
+"""Numbers of dives adapted to that are printed"""
 
 
 def recipes(hours: float) -> dict[str, Tier]:
-    """Training and test store of each kind."""
+    """Training and test store of each type."""
     return {
         kind: Tier(
             train={"preset": "family", "vehicle": kind, "hours": hours, "seed": 9031 + place,
@@ -56,7 +56,7 @@ def recipes(hours: float) -> dict[str, Tier]:
 def judged(
     folder: Path, hours: float, seconds: float, seed: int
 ) -> Iterator[tuple[str, str, dict[int, Array]]]:
-    """Kind, method, and by dives adapted on the error of each test mission in %."""
+    """Type, method, and error [%] of each test mission by number of dives adapted to."""
     stores = {
         kind: tier.make(folder / f"{kind}-{hours:g}h") for kind, tier in recipes(hours).items()
     }
@@ -83,7 +83,7 @@ def judged(
 
 
 def figures(found: Mapping[str, Mapping[str, Mapping[int, Array]]]) -> dict[str, Any]:
-    """Means with intervals by kind and method, and the ratio of the kind."""
+    """Means with intervals by type and method, and the ratio of the type."""
     answer: dict[str, Any] = {}
     for kind, methods in found.items():
         answer[kind] = {
@@ -107,7 +107,7 @@ def figures(found: Mapping[str, Mapping[str, Mapping[int, Array]]]) -> dict[str,
 
 
 def rows(answer: Mapping[str, Any]) -> list[dict[str, object]]:
-    """One line for each kind and method."""
+    """Table row of each type and method."""
     lines: list[dict[str, object]] = []
     for kind, one in answer.items():
         for method, by_dives in one["methods"].items():
@@ -135,11 +135,11 @@ def main(
     seed: int = 0,
     json: bool = False,
 ) -> None:
-    """Print the errors by kind and method, and the ratios.
+    """Print the errors by type and method, and the ratios.
 
     Args:
-      hours: of training, of each kind.
-      seconds: in training, of each network.
+      hours: length of each type's training store.
+      seconds: training time of each network.
     """
     found: dict[str, dict[str, dict[int, Array]]] = {}
     for kind, method, each in judged(folder, hours, seconds, seed):

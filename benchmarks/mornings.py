@@ -1,4 +1,4 @@
-"""Mornings: pages of deployments at sea, made as of three moments in their past, and what came.
+"""Mornings: pages as of three moments in the past of real deployments, compared with what came.
 
     python -m benchmarks.mornings FOLDER [NAME ...] [--out PAGES]
 
@@ -42,14 +42,14 @@ DEPLOYMENTS = {
 """Folder, patterns of files in it, and shipped vehicle"""
 PARTS = (0.25, 0.5, 0.75)
 PAUSE = 600.0
-"""[s] after a dive's end at which the page is made"""
+"""[s] Time from a dive's end to the moment of the page"""
 
 
 def mornings(name: str, folder: Path, place: Path) -> list[dict[str, str]]:
-    """Rows of a deployment.
+    """Rows of a deployment, one for each moment.
 
     Args:
-      folder: of all real logs. place: where the deployment's folder is made.
+      folder: folder of all real logs. place: folder in which the deployment is made.
     """
     where, patterns, vehicle = DEPLOYMENTS[name]
     source = place / "arrived"

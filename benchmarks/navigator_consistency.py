@@ -1,22 +1,21 @@
-"""Whether the navigator errs as it says, on simulated missions that surface.
+"""Navigator consistency: errors against stated uncertainty, on simulated missions that surface.
 
     python -m benchmarks.navigator_consistency STORE [STORE ...] [--learn STORE ...] [--run RUN]
         [--json]
 
-Missions of preset `field`, which `factory generate --preset field --seed NEW` makes. The navigator
-dead-reckons each by steady flight, or by the networks of a run, and its current filter takes the
-fixes after dives; a Doppler log is not used. What the sea is like, and how far the ellipses reach,
-is learned from the fixes of the stores after `--learn`; without them from one half of the missions
-for the other (`twin.navigation.current.tuning`).
+Missions are of preset `field`, made by `factory generate --preset field --seed NEW`. The navigator
+dead-reckons by steady flight, or by a run's networks; its current filter uses the fixes after
+dives, but no Doppler log. The current's parameters and the ellipses' sizes are fitted to the stores
+after `--learn`, or without them to one half of the missions for the other
+(`twin.navigation.current.tuning`).
 
-With halves the chance by which one holds too few is the one by which the other holds too many, so
-that the parts of both together are nearer to 50 and 90 % than of as many unseen fixes: judge with
-`--learn`.
+With halves, if one has few fixes inside its ellipses, the other has many. The fractions of both
+together are then closer to 50 and 90 % than on unseen data: judge with `--learn`.
 
-`nis` is the mean squared normalised innovation (2 is right), `in_50` and `in_90` the parts of the
-fixes within the ellipses of 50 and 90 %, `first_dive_m` the mean miss at the fix after the first
-dive of a mission, `later_m` after the later ones. Beside them the simple rivals on the same dives:
-no current, and the mean current of the dive before.
+`nis` is the mean normalised squared innovation (2 is right). `in_50` and `in_90` are the fractions
+of fixes within the 50 and 90 % ellipses. `first_dive_m` is the mean error at the fix after a
+mission's first dive, `later_m` after later ones. Two rivals on the same dives are printed beside
+these figures: no current, and the mean current of the dive before.
 """
 
 from __future__ import annotations
@@ -42,13 +41,13 @@ from twin.vehicle.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 SAMPLE_S = 4.0
-"""[s] between the samples that the navigator is given; the velocities are made of all"""
+"""[s] Period of the navigator's samples; the velocities use all samples"""
 METHOD = "steady_flight"
 CHANNELS = (DEPTH, *ATTITUDE, *FIX, *RATES)
 
 
 class Given(VelocityEstimator):
-    """Velocities that were made before, (time,) each."""
+    """Estimator that returns given velocities, (time,) each."""
 
     channels = (DEPTH,)
 
@@ -76,7 +75,7 @@ class Given(VelocityEstimator):
 
 
 def legs_of(mission: MissionSequence, surge: Array, sway: Array) -> list[Leg]:
-    """The dives of one mission as the navigator has them."""
+    """Dives of one mission, as the navigator records them."""
     signals = mission.signals
     fixes = np.flatnonzero(np.isfinite(signals[FIX[0]]))
     if not fixes.size:
@@ -85,12 +84,12 @@ def legs_of(mission: MissionSequence, surge: Array, sway: Array) -> list[Leg]:
     rows = np.arange(fixes[0] % every, mission.samples, every)
     navigator = Navigator(
         Given(surge[rows], sway[rows], every * mission.period), latitude=45.0
-    )  # the current that it learns does not touch its way through the water
+    )  # the filter's current does not change the track through the water
     names = [name for name in CHANNELS if name in signals]
     latest = np.maximum.accumulate(
         np.where(np.isfinite(signals[FIX[0]]), np.arange(mission.samples), -1)
     )
-    # a fix between two of these samples counts at the second
+    # a fix between two of these samples moves to the second
     of_fix = np.where(rows - latest[rows] < every, latest[rows], rows)
     given = [signals[name][of_fix if name in FIX else rows] for name in names]
     for values in np.stack(given, axis=1).tolist():
@@ -101,7 +100,7 @@ def legs_of(mission: MissionSequence, surge: Array, sway: Array) -> list[Leg]:
 def records(
     store: str, run: str | None
 ) -> tuple[list[list[Leg]], VelocityDeviation, float, list[float]]:
-    """The dives of each mission, what estimator and compass [degree] state, and the latitudes."""
+    """Dives of each mission, stated errors of estimator and compass [degree], and latitudes."""
     with GeneratedStore(store) as generated:
         vehicle, compass = generated.vehicle, generated.suite.compass.deviation_deg
         latitudes = generated.array("water_latitude").astype(float).tolist()
@@ -114,7 +113,7 @@ def records(
 def _velocities(
     store: str, vehicle: Vehicle, run: str | None
 ) -> Iterator[tuple[MissionSequence, Array, Array]]:
-    """Missions with surge and sway [m/s], (time,) each."""
+    """Missions with their surge and sway [m/s], (time,) each."""
     if run is not None:
         known = {one.mission: one for one in open_run(run).predict(store)}
         with Selection(store, CHANNELS) as selection:
@@ -138,12 +137,12 @@ def main(
     run: str | None = None,
     json: bool = False,
 ) -> None:
-    """Print the figures of consistency.
+    """Print the consistency figures.
 
     Args:
       stores: missions of preset field.
-      learn: stores whose missions tell of the sea.
-      run: networks in place of steady flight: a folder.
+      learn: stores to which the current's parameters are fitted.
+      run: folder of networks in place of steady flight.
     """
     every, latitudes = [], []
     for which in (stores, learn):

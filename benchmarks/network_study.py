@@ -1,14 +1,14 @@
-"""Does memory help, and which optimiser? Networks of equal data and equal computing time.
+"""Network study of memory and optimisers, with equal data and equal computing time.
 
     python -m benchmarks.network_study TRAIN --test STORE [STORE ...] [--kinds mlp elman lstm]
         [--optimisers soap adam scg] [--inputs full glider] [--targets surge sway] [--seeds 3]
         [--memories 2,8,30 8] [--sizes 3x50 2x64] [--seconds 60] [--window 128] [--washin 48]
         [--without GROUP] [--json]
 
-Trains one network for every kind, optimiser, set of inputs, memories, size, velocity and seed on
-the missions of TRAIN that are for training, `--seconds` of computing each, and runs it free over
-every mission of the test stores. Printed are medians over the seeds and, in brackets, the lowest
-and highest. `VARIANTS` are kinds of this study alone: ema with one thing changed.
+Trains one network for every type, optimiser, set of inputs, memories, size, velocity and seed on
+TRAIN's training missions, `--seconds` of computing each, and runs it free over every mission of the
+test stores. Printed are medians over the seeds with the lowest and highest in brackets. `VARIANTS`
+are network types of this study alone: ema with one change.
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ TRANSIENT_S = 30.0
 
 
 class Tanh(ExponentialAverages):
-    """Units that saturate."""
+    """Exponential averages with saturating units."""
 
     unit = nn.Tanh
 
 
 class Curved(ExponentialAverages):
-    """Without the linear path."""
+    """Exponential averages without the linear path."""
 
     def __init__(self, config: Any) -> None:
         super().__init__(config)
@@ -63,13 +63,13 @@ class Curved(ExponentialAverages):
 
 
 class TanhCurved(Curved):
-    """Units that saturate, without the linear path: a usual perceptron."""
+    """Perceptron: saturating units without the linear path."""
 
     unit = nn.Tanh
 
 
 class FromZero(ExponentialAverages):
-    """Averages that start at the mean of the training missions, not at the first sample."""
+    """Exponential averages that start at the training mean, not at the first sample."""
 
     def _before(self, x: Tensor, state: Tensor) -> Tensor:
         return state[:, :-1].unflatten(1, (len(self.keep), self.config.inputs))
@@ -98,7 +98,7 @@ class Case:
     seed: int
 
     def network(self, period: float) -> Any:
-        """Its description."""
+        """Description of the network."""
         layers, hidden = map(int, self.size.split("x"))
         memories = tuple(map(float, self.memories.split(",")))
         return NetworkConfig(
@@ -109,7 +109,7 @@ class Case:
 def run(
     case: Case, train: str, tests: Sequence[str], settings: dict[str, Any], without: Sequence[str]
 ) -> dict[str, float]:
-    """Train the case; its epochs and its mean squared errors [(m/s)^2] by store."""
+    """Train the case; return its epochs and its mean squared errors [(m/s)^2] by store."""
     features = select_features(input_groups(case.inputs, train), tuple(without))
     data = prepare(train, target=case.target, features=features)
     trained = Trainer(
@@ -152,17 +152,17 @@ def main(
     workers: int = len(os.sched_getaffinity(0)),
     json: bool = False,
 ) -> None:
-    """Train every case, print its figures.
+    """Train every case, and print its figures.
 
     Args:
       train: store with a split.
       test: stores of unseen missions.
       without: features or groups to leave out.
-      memories: [s] of ema.
+      memories: [s] time constants of ema.
       sizes: layers x units.
       seconds: computing time of each network.
-      window: samples of a training piece.
-      washin: samples before it that are not scored.
+      window: samples of a training window.
+      washin: warm-up samples before it, which are not scored.
       json: print every network as one JSON line.
     """
     os.environ["OMP_NUM_THREADS"] = "1"  # inherited by the workers: one thread each
@@ -185,7 +185,7 @@ def main(
 
 
 def show(results: dict[Case, dict[str, float]]) -> None:
-    """One line for each kind, optimiser, inputs and velocity, a column for each figure."""
+    """Print a row for each type, optimiser, inputs and velocity, with a column for each figure."""
     columns = list(next(iter(results.values())))
     for target in dict.fromkeys(case.target for case in results):
         print(f"\n{target}, MSE in (m/s)^2: median (lowest to highest) over the seeds")

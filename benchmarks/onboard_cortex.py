@@ -1,4 +1,4 @@
-"""What a step on board costs a small processor: the exported C code on an emulated Cortex-M4F.
+"""On-board cost on a small processor: the exported C code on an emulated Cortex-M4F.
 
     pip install ziglang unicorn
     python -m benchmarks.onboard_cortex STORE [--kinds ema] [--members 1] [--run RUN]
@@ -7,13 +7,13 @@
 `ziglang` is a C compiler for the processor, `unicorn` an emulator of it. The networks are those of
 `benchmarks.onboard_step`, over the first samples of the store's longest mission. Printed are
 
-- the bytes of code and constants, of the state, and of the stack that a step writes;
-- the instructions of a step, each one counted;
-- how far the velocities are from those of the same code on this machine;
+- the bytes of code and constants, of the state, and of the stack that a step uses;
+- the counted instructions of a step;
+- the difference of the velocities from those of the same code on this machine;
 - the routines for double, or for float in software, that the image holds.
 
-Cycles are an estimate: the emulator has none. Each instruction counts as the Cortex-M4's manual
-says (ARM DDI 0439B, tables 3-1 and 7-1), without wait states of the memory.
+Cycles are an estimate, since the emulator counts none. Each instruction has the cycles of the
+Cortex-M4's manual (ARM DDI 0439B, tables 3-1 and 7-1), without memory wait states.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from twin.navigation.settings import sources
 from twin.vehicle.vehicle import Vehicle
 
 MEGAHERTZ = 168
-"""[MHz] of the processor that times are given for: an STM32F4's"""
+"""[MHz] Clock rate for the printed times: an STM32F4's"""
 TARGET = ("-target", "thumb-freestanding-eabihf", "-mcpu=cortex_m4+vfp4d16sp")
 FLAGS = ("-std=c99", "-Wall", "-Wextra", "-Wdouble-promotion", "-Werror", "-fno-math-errno", "-g")
 LIBRARY = {
@@ -49,7 +49,7 @@ LIBRARY = {
     "string.h": "#include <stddef.h>\n#define memcpy __builtin_memcpy\n"
     "#define memmove __builtin_memmove\n#define memset __builtin_memset\n",
 }
-"""What the header takes of a C library; the compiler makes instructions of most of it."""
+"""C library functions that the header uses; the compiler replaces most by instructions"""
 MAIN = """\
 #include "glider_velocity.h"
 glider_state state;
@@ -62,14 +62,14 @@ SOFTWARE = re.compile(
     r"__aeabi_(?:[df](?:add|sub|rsub|mul|div|neg|cmp|2)|[iul]+2[df]|c[df])|"
     r"__(?:add|sub|mul|div|neg|cmp|eq|ne|l[te]|g[te]|fix|float|extend|trunc)\w*[sdt]f"
 )
-"""Names of routines that compute with floats in software"""
+"""Names of routines for floating point in software"""
 STACK, ROOM, PAINT = 0x20000000, 1 << 16, 0xA5
 HOME = 0x30000000
-"""Where a step returns to"""
+"""Return address of a step"""
 
 
 def packages() -> tuple[Any, Any]:
-    """unicorn and its ARM constants.
+    """Import unicorn and its ARM constants.
 
     Raises:
       SystemExit: a package is missing.
@@ -87,7 +87,7 @@ def packages() -> tuple[Any, Any]:
 
 
 def compiled(header: str, folder: Path, optimise: str) -> bytes:
-    """The image (ELF) of a header's step for a Cortex-M4F."""
+    """Compile a header's step to an image (ELF) for a Cortex-M4F."""
     for name, text in (LIBRARY | {"glider_velocity.h": header, "main.c": MAIN}).items():
         (folder / name).write_text(text, encoding="utf-8")
     command = [sys.executable, "-m", "ziglang", "cc", *TARGET, *FLAGS, f"-O{optimise}", "-I."]
@@ -97,12 +97,12 @@ def compiled(header: str, folder: Path, optimise: str) -> bytes:
 
 @dataclasses.dataclass(frozen=True)
 class Image:
-    """A program in ELF, of 32 bits."""
+    """Program in 32-bit ELF."""
 
     data: bytes
 
     def segments(self) -> list[tuple[int, bytes, int]]:
-        """Address, bytes, and size in memory of what is loaded."""
+        """Address, bytes, and size in memory of each loaded segment."""
         start, size, count = (
             *struct.unpack_from("<I", self.data, 28),
             *struct.unpack_from("<HH", self.data, 42),
@@ -111,7 +111,7 @@ class Image:
         return [(r[2], self.data[r[1] : r[1] + r[4]], r[5]) for r in rows if r[0] == 1 and r[5]]
 
     def symbols(self) -> dict[str, tuple[int, int]]:
-        """Address and size by name."""
+        """Address and size of each symbol by name."""
         start, size, count = (
             *struct.unpack_from("<I", self.data, 32),
             *struct.unpack_from("<HH", self.data, 46),
@@ -126,23 +126,23 @@ class Image:
         return found
 
     def software(self) -> list[str]:
-        """Routines that compute with floats in software."""
+        """Floating-point routines in software."""
         return sorted(name for name in self.symbols() if SOFTWARE.match(name))
 
 
 def cost(code: bytes) -> tuple[int, int]:
-    """Instructions and cycles of a block of Thumb code that runs from its start to its end."""
+    """Instructions and cycles of a block of Thumb code, run from start to end."""
     count = cycles = k = 0
     while k < len(code):
         first = struct.unpack_from("<H", code, k)[0]
         long = first >> 11 in (0b11101, 0b11110, 0b11111)
         second = struct.unpack_from("<H", code, k + 2)[0] if long else 0
         k, count, cycles = k + (4 if long else 2), count + 1, cycles + _cycles(first, second, long)
-    return count, cycles + 2  # its end is a branch that is taken, mostly
+    return count, cycles + 2  # a block mostly ends with a taken branch
 
 
 def _cycles(first: int, second: int, long: bool) -> int:
-    """Of one instruction."""
+    """Cycles of one instruction."""
     if not long:
         several = first >> 12 == 0b1100 or first & 0xF600 == 0xB400  # LDM, STM; PUSH, POP
         single = first >> 12 in (5, 6, 7, 8, 9) or first >> 11 == 0b01001
@@ -151,7 +151,7 @@ def _cycles(first: int, second: int, long: bool) -> int:
         kind = first & 0xB0
         if kind == 0x80 or (kind == 0xB0 and first & 0xF == 1 and second & 0xC0 == 0xC0):
             return 14  # VDIV, VSQRT
-        return 3 if kind in (0x00, 0x10, 0x90, 0xA0) else 1  # what multiplies and adds
+        return 3 if kind in (0x00, 0x10, 0x90, 0xA0) else 1  # multiply-accumulate
     if first & 0xFE00 == 0xEC00:  # VLDR, VSTR; VLDM, VSTM, VPUSH, VPOP
         return 2 if first & 0x0120 == 0x0100 else 1 + (second & 0xFF)
     if first & 0xFE40 == 0xE800:  # LDM, STM, PUSH, POP
@@ -163,7 +163,7 @@ def _cycles(first: int, second: int, long: bool) -> int:
 
 
 class Processor:
-    """An emulated Cortex-M4F with an image, at its launch."""
+    """Emulated Cortex-M4F that runs an image."""
 
     def __init__(self, image: Image) -> None:
         unicorn, arm = packages()
@@ -190,7 +190,7 @@ class Processor:
         self._spent += self._blocks[key]
 
     def step(self, sample: bytes) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-        """Velocity and its deviations, (4,), and the instructions and cycles that it took."""
+        """Run a step: velocity and its standard deviations, (4,); instructions and cycles used."""
         self._spent[:] = 0
         self._uc.mem_write(self.symbols["sample"][0], sample)
         self._uc.reg_write(self._arm.UC_ARM_REG_SP, STACK + ROOM)
@@ -208,17 +208,17 @@ class Processor:
 
 @dataclasses.dataclass(frozen=True)
 class Cost:
-    """Of a step on the processor."""
+    """Cost of steps on the processor."""
 
     image: Image
     velocities: NDArray[np.float32]
-    """Surge, sway and their deviations [m/s], (time, 4)"""
+    """Surge, sway and their standard deviations [m/s], (time, 4)"""
     spent: NDArray[np.int64]
     """Instructions and cycles of each step, (time, 2)"""
     stack: int
 
     def lines(self, here: NDArray[np.float32]) -> list[str]:
-        """What is printed, beside the velocities of the same code on this machine."""
+        """Lines to print; `here` are the velocities by the same code on this machine."""
         loaded, symbols = self.image.segments(), self.image.symbols()
         median, most = np.median(self.spent, 0), self.spent.max(0)
         off = np.abs(self.velocities[:, :2] - here[: len(self.velocities), :2])
@@ -241,7 +241,7 @@ def measured(
     samples: int,
     optimise: str = "2",
 ) -> tuple[Cost, NDArray[np.float32]]:
-    """The first samples of a mission on the processor; the velocities of all on this machine."""
+    """Run a mission's first samples on the processor, and all samples on this machine."""
     packages()
     channels = sources(c_features(networks["surge"].members[0].features, mission.period).channels)
     given = np.stack([mission.signals[name] for name in channels], 1).astype(np.float32)[:samples]
@@ -259,7 +259,7 @@ def measured(
 def main(
     asked: command.OmitArgPrefixes[Asked], *, samples: int = 7200, optimise: str = "2"
 ) -> None:
-    """Print what a step of each kind of networks costs. optimise: -O of the compiler, s, 2 or 3."""
+    """Print the cost of a step for each network type. optimise: -O of the compiler, s, 2 or 3."""
     packages()
     for name, networks, missions, vehicle in candidates(asked):
         cost, here = measured(networks, missions[0], vehicle, samples, optimise)

@@ -1,13 +1,13 @@
-"""What a step on board costs: the exported C code, with features, beside onnxruntime without.
+"""On-board step: time of the exported C code with features, and of onnxruntime without.
 
     python -m benchmarks.onboard_step STORE [--kinds ema elman] [--members 1] [--missions 1]
                                       [--run RUN]
 
-Networks of the default size with random weights, one surge and one sway for each member, over the
-longest missions of the store: C99 from sensor samples to both velocities, `cc -O3` for any
-processor of the family, and the ONNX models of the same networks, features given. Times are per
-sample, one thread, and are those of both velocities. With `--run` the networks are a trained run's,
-with the vehicle that it adapted to.
+Networks have the default size and random weights, one surge and one sway for each member, over the
+longest missions of the store. C99 computes both velocities from sensor samples (`cc -O3` for any
+processor of the family); the ONNX models of the same networks get the features. Times are per
+sample, on one thread, for both velocities. `--run` takes a trained run's networks, with the vehicle
+that the run adapted to.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ from twin.vehicle.vehicle import Vehicle
 
 @dataclasses.dataclass(frozen=True)
 class Asked:
-    """Networks that are asked for."""
+    """Options of the benchmark."""
 
     store: command.Positional[str]
-    """missions with full inputs"""
+    """store of missions with full inputs"""
     kinds: tuple[str, ...] = tuple(NETWORKS.shipped())
     members: int = 1
     missions: int = 1
-    """how many, the longest first"""
+    """number of missions, the longest first"""
     run: str | None = None
     """trained networks in place of random ones"""
 
@@ -55,7 +55,7 @@ class Asked:
 def candidates(
     options: Asked,
 ) -> Iterator[tuple[str, dict[str, Ensemble], list[MissionSequence], Vehicle | None]]:
-    """Name, networks, the store's longest missions for them, and its vehicle."""
+    """Name and networks, with the store's longest missions and its vehicle."""
     torch.manual_seed(0)
     run = open_run(options.run) if options.run else None
     features = select_features(input_groups("full", options.store)) if run is None else run.features
@@ -86,7 +86,7 @@ def candidates(
 
 
 def main(asked: command.OmitArgPrefixes[Asked]) -> None:
-    """Print what a step of each kind of networks costs."""
+    """Print the cost of a step for each network type."""
     os.environ["OMP_NUM_THREADS"] = "1"
     for name, networks, missions, vehicle in candidates(asked):
         members = [member for ensemble in networks.values() for member in ensemble.members]

@@ -1,4 +1,4 @@
-"""Cost of several gliders in one MuJoCo model, beside as many models of one: bare steps, no water.
+"""One scene: cost of several gliders in one MuJoCo model, against models of one; bare steps.
 
 python -m benchmarks.one_scene
 """
@@ -16,11 +16,11 @@ from twin.vehicle.vehicle import load_vehicle
 COUNTS = (1, 2, 10)
 STEPS, ROUNDS = 2000, 9
 APART = 30.0
-"""[m] between neighbours"""
+"""[m] Distance of neighbours"""
 
 
 def scene(count: int) -> mujoco.MjModel:
-    """That many bare gliders side by side, without what only eyes and sensors need."""
+    """Model of `count` bare gliders side by side, without geometry for rendering and sensors."""
     glider = load_vehicle("glider")
     whole = mujoco.MjSpec()
     like = mujoco.MjSpec.from_string(glider.xml)
@@ -34,12 +34,12 @@ def scene(count: int) -> mujoco.MjModel:
         frame = whole.worldbody.add_frame(pos=[0.0, APART * index, -100.0])
         whole.attach(one, prefix=f"{index}_", frame=frame)
     for actuator in whole.actuators:
-        actuator.dyntype = mujoco.mjtDyn.mjDYN_INTEGRATOR  # the parts' own needs the water's model
+        actuator.dyntype = mujoco.mjtDyn.mjDYN_INTEGRATOR  # the own type needs the water's callback
     return whole.compile()
 
 
 def cost(model: mujoco.MjModel) -> float:
-    """[us] of a step."""
+    """[us] Time of a step."""
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, nstep=100)
     return 1e6 * seconds(lambda: mujoco.mj_step(model, data, nstep=STEPS)) / STEPS

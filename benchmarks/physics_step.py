@@ -1,9 +1,9 @@
-"""Cost of the physics: one step with and without our water, and missions in a batch.
+"""Physics step: cost of a step with and without our water, and of missions in a batch.
 
     python -m benchmarks.physics_step [--json]
 
-The limit is the bare MuJoCo step of the same model on the same threads in the same run, without the
-clock of MuJoCo's timers, which the twin takes out.
+The limit is the bare MuJoCo step of the same model on the same threads in the same run, without
+MuJoCo's timers, which the twin disables.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from twin.__main__ import PROGRAM
 
 
 def main(words: list[str]) -> int:
-    """`twin bench`; as JSON where its figures are kept."""
+    """Run `twin bench`; print JSON if figures are kept."""
     if not KEEPING["on"]:
         return PROGRAM.main(["bench", *words])
     with contextlib.redirect_stdout(io.StringIO()) as said:

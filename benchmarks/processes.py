@@ -1,4 +1,4 @@
-"""Processes of the benchmarks: commands that are timed, forks that are waited for or killed."""
+"""Processes of the benchmarks: timed commands, and forks to wait for or to kill."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ ROOT = Path(__file__).resolve().parents[1]
 DONE, TOLD, CRASHED = 0, 3, 4
 """Exit codes of a fork: done, one line of error, a traceback"""
 WAIT_S = 300.0
-"""[s] after which a process that should have ended is taken for hung"""
+"""[s] Time after which a process counts as hung"""
 EVERY_S = 0.5
-"""[s] between looks at the memory: each costs the kernel a walk through every page"""
+"""[s] Time between memory readings: each makes the kernel walk through every page"""
 
 
 class Ran(NamedTuple):
-    """A command that ran to its end."""
+    """Result of a command that ended."""
 
     wall_s: float
     cpu_s: float
     memory: int
-    """[bytes] Most that one of its processes held"""
+    """[bytes] Largest memory of one of its processes"""
     memory_of_all: int
-    """[bytes] Most that the process and its children held, shared pages counted once"""
+    """[bytes] Largest memory of the process and its children, shared pages counted once"""
     said: str
 
 
@@ -41,7 +41,7 @@ def ran(command: Sequence[str]) -> Ran:
     """Run a command to its end.
 
     Raises:
-      SystemExit: it failed.
+      SystemExit: the command failed.
     """
     begun, most, ended = time.perf_counter(), 0, threading.Event()
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, cwd=ROOT)
@@ -64,7 +64,7 @@ def ran(command: Sequence[str]) -> Ran:
 
 
 def family(pid: int) -> list[int]:
-    """A process and its children."""
+    """Numbers of a process and its children."""
     children = Path(f"/proc/{pid}/task").glob("*/children")
     return [pid, *(int(child) for path in children for child in _read(path).split())]
 
@@ -83,7 +83,7 @@ def _proportional(pid: int) -> int:
 
 
 def fork(work: Callable[[], object]) -> int:
-    """Do something in a forked process with a session of its own; return its number."""
+    """Run `work` in a forked process with its own session; return its number."""
     sys.stdout.flush()
     child = os.fork()
     if child:
@@ -102,9 +102,9 @@ def fork(work: Callable[[], object]) -> int:
 
 
 def wait(process: int, *, kill: bool = False) -> int:
-    """Exit code of a forked process, killed first or not; below 0 is the signal that ended it."""
+    """Exit code of a forked process, killed first if `kill`; below 0 is the ending signal."""
     if kill:
-        os.kill(process, signal.SIGKILL)  # one that has ended is there until it is waited for
+        os.kill(process, signal.SIGKILL)  # an ended process stays until `waitpid`
     deadline = time.monotonic() + WAIT_S
     while time.monotonic() < deadline:
         found, status = os.waitpid(process, os.WNOHANG)
@@ -117,5 +117,5 @@ def wait(process: int, *, kill: bool = False) -> int:
 
 
 def done(work: Callable[[], object]) -> bool:
-    """Do something in a fork; True where it ended without an error."""
+    """Run `work` in a fork; True if it ended without an error."""
     return wait(fork(work)) == DONE

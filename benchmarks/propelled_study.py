@@ -1,14 +1,14 @@
-"""The paper's first study: networks that learn from a Doppler log, on missions they never saw.
+"""Propelled study, the paper's first: networks trained on a Doppler log, on unseen missions.
 
     python -m benchmarks.propelled_study TRAIN --test STORE [--seeds 5] [--seconds 120]
         [--network elman] [--hidden 40] [--known-current 0,0] [--smoothing gaussian]
         [--window 128] [--washin 48] [--runs FOLDER] [--workers 2] [--json]
 
-For every seed `learn fit` trains one network for surge and one for sway on what the log of TRAIN
-measured, `--seconds` of computing each, three layers of `--hidden` units. Bottom track counts less
-`--known-current`. Each pair runs free over every mission of STORE. Printed are mean squared errors
-against the truth and dead reckoning with measured attitude, without a Doppler log, in % of the
-distance through the water; beside them DVL-aided dead reckoning and the true velocities.
+For every seed `learn fit` trains one network for surge and one for sway on the log of TRAIN,
+`--seconds` of computing each, three layers of `--hidden` units. `--known-current` is subtracted
+from bottom track. Each pair runs free over every mission of STORE. Printed are mean squared errors
+against the truth, and dead reckoning with measured attitude, without a Doppler log, in % of the
+distance through the water; with them DVL-aided dead reckoning and the true velocities.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from benchmarks import command
 from learn.training.fitting import fit
 
 PAPER = {"surge_mse": 0.0347, "sway_mse": 0.00588}
-"""[(m/s)^2] of the paper's networks for Tethys"""
+"""[(m/s)^2] Mean squared errors of the paper's networks for Tethys"""
 FIGURES = {
     "surge_mse": "surge MSE [(m/s)^2]",
     "sway_mse": "sway MSE [(m/s)^2]",
@@ -40,7 +40,7 @@ FIGURES = {
 
 
 def judge(run: Any, store: str) -> dict[str, Any]:
-    """The figures of one run, and those of the log and of the true velocities."""
+    """Figures of one run, of the log and of the true velocities."""
     found = learn.evaluate(run, store, split="all", baselines=("dvl",))
     figures = found.figures
     worst = {
@@ -62,7 +62,7 @@ def judge(run: Any, store: str) -> dict[str, Any]:
 
 
 def show(results: list[dict[str, Any]]) -> None:
-    """Each figure's median (lowest to highest) over the seeds, and what stands beside."""
+    """Print each figure's median (lowest to highest) over the seeds, with the comparisons."""
     first = results[0]
     print(f"{first['missions']} missions, {len(results)} seeds: median (lowest to highest)")
     for name, words in FIGURES.items():
@@ -93,18 +93,18 @@ def main(
     workers: int = min(2, len(os.sched_getaffinity(0))),
     json: bool = False,
 ) -> None:
-    """Train and judge every seed, print the figures.
+    """Train and judge every seed, and print the figures.
 
     Args:
       train: store with a split, whose missions have a Doppler log.
       test: store of unseen missions.
-      seconds: of computing of each network.
-      network: kind; the paper's by default.
+      seconds: computing time of each network.
+      network: network type; the paper's by default.
       hidden: units per layer.
       known_current: none, store or NORTH,EAST [m/s].
-      window: samples of a training piece.
-      washin: samples before it that are not scored.
-      runs: keep the runs here; goes on with what is there.
+      window: samples of a training window.
+      washin: warm-up samples before it, which are not scored.
+      runs: folder that keeps the runs; existing runs are continued.
       json: print every seed as one JSON line.
     """
     os.environ["OMP_NUM_THREADS"] = "1"  # inherited by the workers: one thread each

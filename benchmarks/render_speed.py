@@ -1,9 +1,9 @@
-"""Frames per second of `twin render` against MuJoCo's own Renderer on the same scene.
+"""Render speed: frames per second of `twin render` against MuJoCo's own Renderer, on one scene.
 
     python -m benchmarks.render_speed
 
-Both draw the same model from the same camera at the same size; ours adds the close-up, the labels
-and the strip of readouts. The two take turns frame by frame, so that a busy machine slows both.
+Both render the same model from the same camera at the same size; ours adds close-up, labels and
+readouts. They take turns frame by frame, so that a busy machine slows both equally.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ from twin.water.current.profile import Profile  # noqa: E402
 FRAMES = 40
 WARM_UP = 3
 FLOOR = 0.8
-"""Least share of the bare Renderer's frame rate, overlays included"""
+"""[1] Least frame rate over the bare Renderer's, overlays included"""
 CURRENT = Profile(depth=(0.0, 60.0, 150.0), north=(0.25, 0.12, 0.0), east=(0.10, 0.14, 0.05))
 
 
 def bare_renderer(painter: Painter) -> tuple[mujoco.Renderer, Callable[[int], None]]:
-    """MuJoCo's Renderer on the painter's scene, and a function that draws what it shows now."""
+    """MuJoCo's Renderer on the painter's scene, and a function that renders its present state."""
     size = painter.shot.height, painter.shot.width
     renderer = mujoco.Renderer(painter.model, *size, max_geom=painter.scene.maxgeom)
     renderer.scene.flags[:] = painter.scene.flags
@@ -55,7 +55,7 @@ def bare_renderer(painter: Painter) -> tuple[mujoco.Renderer, Callable[[int], No
 
 
 def measure(camera: str) -> tuple[float, float, float]:
-    """Frames per second of ours and of the bare Renderer, and the median ratio of the two."""
+    """Frames per second of ours and of the bare Renderer, and the median of their ratio."""
     scenario = Scenario(vehicle=load_vehicle(), mission=load_mission("default"), current=CURRENT)
     trajectory = simulate(scenario)
     shot = Shot(camera=camera, speed_up=30.0)
@@ -81,7 +81,7 @@ def measure(camera: str) -> tuple[float, float, float]:
 
 
 def main() -> int:
-    """Measure every camera; the exit code tells whether all reach the floor."""
+    """Measure every camera; exit code 1 if one is below the floor."""
     print(f"{Path(__file__).stem}: 1280x720, {BACKEND}, {len(os.sched_getaffinity(0))} cores")
     print(f"{'camera':8} {'twin [1/s]':>11} {'Renderer [1/s]':>15} {'ratio':>6}  floor {FLOOR}")
     good, rates, ratios = True, [], []

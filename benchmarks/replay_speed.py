@@ -1,10 +1,10 @@
-"""Frames per second, time to open and size of replay pages, in headless Chromium without a GPU.
+"""Replay speed: frame rate, opening time and size of replay pages, in Chromium without a GPU.
 
     python -m benchmarks.replay_speed                  # an hour, and a made-up month of dives
     python -m benchmarks.replay_speed real.zarr        # all dives of a log too
 
-Chromium draws with SwiftShader, on the CPU: a phone or a laptop is faster. Where pictures come too
-slowly, the page draws them with fewer pixels as long as they move; so it does here.
+Chromium renders with SwiftShader on the CPU: a phone or a laptop is faster. If frames are slow, the
+page renders moving pictures with fewer pixels; it does so in this benchmark too.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from twin.show.web.page import LARGEST, save_page
 from twin.vehicle.vehicle import load_vehicle
 
 SECONDS = 3.0
-"""Of playing, for each camera"""
+"""[s] Playing time for each camera"""
 LEAST = 20.0
-"""Frames per second asked for at 1280x720"""
+"""[1/s] Required frame rate at 1280x720"""
 COUNT = """new Promise(done => {
   page.setPlaying(true);
   let frames = 0;
@@ -44,7 +44,7 @@ COUNT = """new Promise(done => {
 
 
 def hour() -> Subject:
-    """An hour of the shipped mission."""
+    """Load an hour of the shipped mission."""
     vehicle = load_vehicle("glider")
     flown = simulate(
         Scenario(vehicle=vehicle, mission=load_mission_for(vehicle, None), duration=3600.0)
@@ -53,12 +53,12 @@ def hour() -> Subject:
 
 
 def log(store: Path) -> Subject:
-    """All dives of a log."""
+    """Load all dives of a log."""
     return read_subject(store, missions=range(len(MissionStore(store))), title=store.name)
 
 
 def main(stores: list[str]) -> int:
-    """Print a row for each page; 1 where a camera is too slow or a page too large."""
+    """Print a row for each page; exit code 1 if a camera is too slow or a page too large."""
     subjects = [hour(), month(), *(log(Path(store)) for store in stores)]
     bad = False
     cameras = "".join(f"{name:>8}" for name in CAMERAS)

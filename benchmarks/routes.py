@@ -1,14 +1,14 @@
-"""Routes: ways through drawn eddies, beside a brute-force search and the straight way.
+"""Routes through random eddies, against a brute-force search and the straight route.
 
     python -m benchmarks.routes [--draws 40] [--seed 300]
     python -m benchmarks.routes --current FILE
 
-Each draw is a sea of eddies of a known rms or, with a file of currents, a place, a time and a
-direction in it. The way is planned in the forecast; times are those in
-the sea itself. The brute-force search throws a thousand ways of up to four corners across the
-region and moves the corners of the six best (Nelder and Mead): it knows the sea, as the planner
-does in the part without errors. In the part with errors the planner has a forecast with an error,
-which it allows for by its draws, and other draws choose among its ways, as in `plan_routes`.
+Each case is a sea of eddies of a known rms or, with a file of currents, a place, a time and a
+direction in it. The route is planned in the forecast; its time is that in the sea itself. The
+brute-force search samples a thousand routes of up to four corners, and improves the corners of the
+six best (Nelder and Mead). It knows the sea, as the planner does in the part without errors. In the
+part with errors the planner has a forecast with an error, represented by an ensemble; other members
+choose among its routes, as in `plan_routes`.
 """
 
 from __future__ import annotations
@@ -43,24 +43,24 @@ from twin.water.current import parse_field
 from twin.water.current.axes import Origin
 
 SPEED = 0.25
-"""[m/s] of the vehicle"""
+"""[m/s] Speed of the vehicle"""
 LENGTH = 80e3
-"""[m] of the way"""
+"""[m] Length of the straight route"""
 HALF = 60e3
-"""[m] of the region beside it"""
+"""[m] Half width of the region"""
 RATIOS = (0.5, 0.8, 1.1)
-"""rms of the current over the vehicle's speed"""
+"""[1] rms of the current over the vehicle's speed"""
 DEPTH = 200.0
-"""[m] of the dives, over which a file's current is averaged"""
+"""[m] Depth of the dives, over which a file's current is averaged"""
 MUCH = 0.01
-"""Part of the straight way's time that is worth a comparison in a single sea"""
+"""[1] Least saving, over the straight route's time, for a comparison in a single sea"""
 THROWN, MOVED = 1000, 6
 ERROR = 0.05
-"""[m/s] of the forecast, each way"""
+"""[m/s] Error of the forecast, north and east each"""
 
 
 def sea(rng: np.random.Generator, rms: float) -> RouteWater:
-    """Eddies of a rms [m/s], as long as the slowest way lasts."""
+    """Make eddies of a rms [m/s], for the duration of the slowest route."""
     axis = np.arange(-20e3, LENGTH + 20.1e3, 3e3)
     across = np.arange(-HALF, HALF + 1.0, 3e3)
     times = STEP * np.arange(1 + round(3.0 * LENGTH / SPEED / STEP))
@@ -75,7 +75,7 @@ def stops_towards(bearing: float) -> np.ndarray:
 
 
 def sea_of(path: str, rng: np.random.Generator) -> tuple[RouteWater, np.ndarray]:
-    """A piece of a file's water, with start and goal [m] north, east, (2, 2), in it."""
+    """Cut water from a file; with start and goal [m] north, east, (2, 2)."""
     field = parse_field(path)
     with xr.open_dataset(path) as file:
         first, last = file.time.values[[0, -1]]
@@ -102,7 +102,7 @@ def sea_of(path: str, rng: np.random.Generator) -> tuple[RouteWater, np.ndarray]
 
 
 def brute_force(water: RouteWater, stops: np.ndarray, rng: np.random.Generator) -> float:
-    """[s] of the best way that it finds."""
+    """[s] Time of the best route found."""
     ahead = (stops[1] - stops[0]) / LENGTH
     aside = np.array([-ahead[1], ahead[0]])
     ways = []
@@ -128,31 +128,31 @@ def brute_force(water: RouteWater, stops: np.ndarray, rng: np.random.Generator) 
 
 
 def sea_and_stops(sort: float | str, rng: np.random.Generator) -> tuple[RouteWater, np.ndarray]:
-    """A sea by a ratio of rms and speed or a file, with start and goal [m], (2, 2)."""
+    """Make a sea for a ratio of rms to speed, or from a file; with start and goal [m], (2, 2)."""
     if isinstance(sort, str):
         return sea_of(sort, rng)
     return sea(rng, sort * SPEED), stops_towards(0.0)
 
 
 def known_sea(sort: float | str, seed: int) -> dict[str, float]:
-    """Times [s] of ways that are looked for in the sea itself."""
+    """Times [s] of routes planned in the sea itself."""
     rng = np.random.default_rng(seed)
     truth, stops = sea_and_stops(sort, rng)
     ways = best_ways(truth, stops, SPEED, (), np.random.default_rng(seed))
     return {
         "straight": float(way_times(truth, stops, SPEED)[0]),
-        # the straight way is one that the planner may take
+        # the planner may choose the straight route
         "planned": min(float(way_times(truth, way, SPEED)[0]) for way in (stops, *ways)),
         "brute force": brute_force(truth, stops, rng),
     }
 
 
 def foretold_sea(sort: float | str, seed: int, *, added: bool) -> float:
-    """Part of the straight way's time that the way saves which a forecast with errors leads to.
+    """Saving, relative to the straight route's time, by planning in a forecast with errors.
 
     Args:
-      added: the forecast is the sea with an error on top, and so livelier than the sea; otherwise
-        it is as lively and misplaces some of it, which is what the planner takes it for.
+      added: whether the error is added to the sea, so that the forecast varies more; otherwise the
+        forecast varies as much, but is partly misplaced, which is the planner's assumption.
     """
     rng = np.random.default_rng(seed)
     truth, stops = sea_and_stops(sort, rng)
@@ -173,7 +173,7 @@ def foretold_sea(sort: float | str, seed: int, *, added: bool) -> float:
 
 
 def run(sorts: Sequence[float | str], draws: int, first: int) -> dict[str, dict[str, Any]]:
-    """By ratio of rms and speed, or file; seas of the seeds from `first` on."""
+    """Figures by ratio of rms to speed, or by file; seeds count from `first`."""
     told: dict[str, dict[str, Any]] = {}
     seeds = range(first, first + draws)
     for sort in sorts:
@@ -203,7 +203,7 @@ def run(sorts: Sequence[float | str], draws: int, first: int) -> dict[str, dict[
 
 
 def main(*, draws: int = 40, seed: int = 300, current: str | None = None) -> None:
-    """Print what ways gain.
+    """Print the savings of routes.
 
     Args:
       seed: of the first sea.

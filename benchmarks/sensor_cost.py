@@ -1,4 +1,4 @@
-"""What the sensors cost: milliseconds per device and simulated hour at 2 Hz.
+"""Sensor cost: milliseconds per device and simulated hour at 2 Hz.
 
     python -m benchmarks.sensor_cost
 
@@ -22,7 +22,7 @@ HOUR = 3600.0
 DT = 0.5
 REPEATS = 30
 BOTTOM_DEPTH = 200.0
-"""[m], level"""
+"""[m] Depth of the level bottom"""
 
 
 def saw_tooth(duration: float = HOUR, dt: float = DT) -> dict[str, np.ndarray]:
@@ -62,7 +62,7 @@ def saw_tooth(duration: float = HOUR, dt: float = DT) -> dict[str, np.ndarray]:
 
 
 def best_ms(call: Callable[[], Any]) -> float:
-    """Shortest wall time of `call` [ms], after one to warm up."""
+    """[ms] Shortest wall time of `call`, after one call for warm-up."""
     call()
     return 1e3 * min(figures.seconds(call) for _ in range(REPEATS))
 

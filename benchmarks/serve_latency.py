@@ -1,13 +1,13 @@
-"""How long `twin serve` takes to answer: a client on this machine, at a steady rate.
+"""Latency of `twin serve`: time to answer a client on this machine, at a steady rate.
 
     python -m benchmarks.serve_latency [--vehicle remus] [--rate 100] [--seconds 600] [--json]
 
     chrt --fifo 1 python -m benchmarks.serve_latency       # where other processes are busy
 
-The client sends a packet every 1/rate s, as ArduPilot does in real time, and notes how long the
-answer takes. The server is a process of its own. Half way between two packets the same packet goes
-to another process, which sends it back and does nothing else: the floor of the machine. Printed are
-the 50, 99 and 99.9 % and the longest of both, and of how late the client itself was.
+The client sends a packet every 1/rate s, as ArduPilot does in real time, and times the answer. The
+server is a process of its own. Half way between two packets, the same packet goes to an echo
+process, whose time is the floor of the machine. Printed are the 50, 99, 99.9 % and the maximum of
+both, and of the client's own delay.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from benchmarks.figures import measured
 
 SHARES = (50.0, 99.0, 99.9)
 LIMIT_MS = 5.0
-"""99.9 % of the answers on a free core"""
+"""[ms] Limit for 99.9 % of the answers on a free core"""
 
 
 ECHO = """
@@ -40,13 +40,13 @@ while True:
 
 
 def ask(ports: tuple[int, int], rate: int, frames: int) -> tuple[np.ndarray, np.ndarray]:
-    """[ms] of the answers, and how late each packet left; (frames, 2), a column for each port."""
+    """[ms] Times of the answers, and delays of the packets; (frames, 2), a column for each port."""
     client = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     client.settimeout(30.0)
     pulses = (1700, *(1500,) * 15)
     answers, late = np.zeros((frames, 2)), np.zeros((frames, 2))
     begun = 0.0
-    for k in range(-rate, frames):  # a second to get warm
+    for k in range(-rate, frames):  # the first second is warm-up
         if k <= 0:
             begun = time.perf_counter()
         packet = struct.pack("<HHI16H", 18458, rate, k + rate, *pulses)
@@ -70,7 +70,7 @@ def free_port() -> int:
 
 
 def begin(words: list[str]) -> subprocess.Popen[str]:
-    """A process that has said that it waits."""
+    """Start a process, and wait until it is ready."""
     server = subprocess.Popen(
         [sys.executable, *words], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True
     )
@@ -83,7 +83,7 @@ def begin(words: list[str]) -> subprocess.Popen[str]:
 def main(
     *, vehicle: str = "remus", rate: int = 100, seconds: float = 600.0, json: bool = False
 ) -> int:
-    """Print the table; 1 where the answers are too late. rate: [Hz]."""
+    """Print the table; exit code 1 if the answers are too late. rate: [Hz]."""
     ports = free_port(), free_port()
     serve = ["-m", "twin", "serve", "--vehicle", vehicle, "--port", str(ports[0])]
     servers = []

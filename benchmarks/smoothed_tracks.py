@@ -2,10 +2,10 @@
 
     python -m benchmarks.smoothed_tracks [--seeds 3] [--hours 20] [--json]
 
-Generates stores of the preset `field` (seeds of its own), lets `twin flight` correct their tracks
-both ways, and compares them with the truth between the first and the last fix, deeper than 3 m.
-`deviation` is the mean reported variance's root, `normalised` the root mean square of error by
-reported deviation: 1 is right. `normalised_after` is that after the last fix, mean of missions.
+Generates stores of the preset `field` (seeds of its own), corrects their tracks by `twin flight` in
+both modes, and compares them with the truth between the first and the last fix, deeper than 3 m.
+`deviation` is the root of the mean reported variance; `normalised` the root mean square of error
+over reported standard deviation (1 is right); `normalised_after` that after the last fix.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from twin.logs.corrected_track import CORRECTIONS
 Array = NDArray[np.float64]
 
 UNDER_WATER = 3.0
-"""[m]"""
+"""[m] Depth below which samples count"""
 FIRST_SEED = 7100
 
 
 def errors_of(flight: Flight) -> tuple[Array, Array, float]:
-    """Squared error [m2], mean of north and east, and reported variance [m2] under water between
-    fixes; and the error by the deviation after the last one, NaN where no mission goes on."""
+    """Squared error [m2], mean of north and east, and reported variance [m2], under water between
+    fixes; and the normalised error after the last fix, NaN if no mission goes on."""
     store, missed, said, after = flight.store, [], [], []
     for one in flight.missions:
         mission, count = one.dive.mission, len(one.dive.depth)
@@ -69,7 +69,7 @@ def figures(store: Path) -> dict[str, float]:
 
 
 def main(*, seeds: int = 3, hours: float = 20.0, json: bool = False) -> None:
-    """Print the errors. seeds: stores. hours: of each store."""
+    """Print the errors. seeds: number of stores. hours: length of each store."""
     rows = {}
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(FIRST_SEED, FIRST_SEED + seeds):

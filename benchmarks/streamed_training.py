@@ -1,11 +1,11 @@
-"""Training from memory and training streamed from the store: throughput, peak memory, weights.
+"""Streamed training against training from memory: throughput, peak memory, weights.
 
     factory generate --hours 60 --out hours.zarr
     python -m benchmarks.streamed_training hours.zarr --epochs 3 --buffer 65536
 
-Trains the same network both ways, each in a process of its own and the two of a pair side by side
-in time, and prints for each pair how many samples a second were trained on, the ratio, and the peak
-of the resident memory above that of the imported libraries. The weights must be equal.
+Trains the same network in both modes, each in its own process and both at the same time. Prints for
+each pair the samples trained per second, their ratio, and the peak resident memory above that of
+imported libraries. The weights must be equal.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ def main(
     pairs: int = 3,
     way: Literal["resident", "streamed"] | None = None,
 ) -> int:
-    """Print a line for each pair; 1 where weights differ.
+    """Print a line for each pair; exit code 1 if weights differ.
 
     Args:
       buffer: samples shuffled together.
-      way: train here, print figures as JSON.
+      way: mode to train here, printing figures as JSON.
     """
     if way is not None:
         training = TrainingConfig(
@@ -87,7 +87,7 @@ def main(
 def train(
     store: Path, training: TrainingConfig, network: str, *, resident: bool
 ) -> dict[str, object]:
-    """Train one network of surge; figures of it."""
+    """Train one network of surge; return its figures."""
     config = FitConfig(
         store=str(store),
         features=select_features(parts=tuple(parts_of(store))),
@@ -111,7 +111,7 @@ def train(
 
 
 def _peak() -> float:
-    """Bytes, the most that this process has had resident."""
+    """[bytes] Largest resident memory of this process."""
     lines = Path("/proc/self/status").read_text().splitlines()
     return 1024.0 * next(int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
 

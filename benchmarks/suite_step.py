@@ -1,4 +1,4 @@
-"""Cost of an environment step in us, beside its bare physics: python -m benchmarks.suite_step
+"""Suite step: cost of an environment step [us] and of its bare physics.
 
 With --rewards it prints the mean rewards of the suite's policies instead.
 """
@@ -23,7 +23,7 @@ YARDSTICKS = (("fish", "swim"), ("swimmer", "swimmer6"))
 
 
 def median_cost(step: Callable[[], object]) -> float:
-    """Median over the repeats of one call [us]."""
+    """[us] Median time of a call, over the repeats."""
 
     def steps() -> None:
         for _ in range(STEPS):

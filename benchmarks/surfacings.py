@@ -1,27 +1,26 @@
-"""Forecasts of surfacings and of currents on real deployments, each left out of what it is told.
+"""Surfacings: forecasts of surfacings and currents on real deployments, with others' priors.
 
     python -m benchmarks.surfacings FOLDER [--shipped | --priors | --times] [--waypoints 1]
         [--json]
 
-FOLDER holds stores of logs, or folders of logs whose names begin with their kind (slocum_...,
-seaglider_..., seaexplorer_...), which are imported. What is believed before the first dive
-(`Priors`) is learned for each deployment from the others, and the deployment is then
-walked through from its second dive to its last. `--shipped` takes the shipped ones instead, for
-deployments that did not teach them; `--priors` prints those of all in the folder. `--waypoints 1`
-knows no more of a dive's list of waypoints than the first.
+FOLDER holds stores of logs, or folders of logs whose names begin with their format (slocum_...,
+seaglider_..., seaexplorer_...), which are imported. The priors before the first dive (`Priors`) are
+learned for each deployment from the others. The deployment is then forecast dive by dive, from the
+second to the last. `--shipped` takes the shipped priors instead, for deployments that did not train
+them; `--priors` prints those of all in the folder. `--waypoints 1` uses only the first of a dive's
+waypoints.
 
-A row has the forecast's error, that of the best rival of this deployment, their ratio with its 95 %
-bootstrap interval over dives, and what the ellipses hold; for currents the ratio to the best single
-model of the pool, chosen in hindsight, too, and for surfacings the error of the vehicle's own track
-at the end of the dive, which knows how it flew and how long. Groups are by how the way through the
-water is known: a satellite log only has the current that the vehicle reported.
+A row has the forecast's error, that of the deployment's best rival, their ratio with its 95 %
+bootstrap interval over dives, and the fraction of fixes inside the ellipses. For currents there is
+also the ratio to the best single model of the pool, chosen in hindsight. For surfacings it has the
+error of the vehicle's own track at the end of the dive, which uses the dive's flight and duration.
+Groups are by the source of the track through the water; a satellite log has the current alone.
 
-`--times` asks each deployment from its fifth dive on for the times of the next, the second and the
-fourth surfacing, by what its dives so far have told: stays at the surface and how well dives keep
-the time (`Rhythm`). Those beyond a hole in the log are left out. Printed is the part that comes
-within the interval of 90 %, its median width, and by how much the middle is off in the median,
-beside a rival that lets dives follow each other without a stay, as long as the median of the last
-five.
+`--times` forecasts, from the fifth dive on, the times of the next, the second and the fourth
+surfacing of each deployment. It uses surface intervals and the regularity of the dives so far
+(`Rhythm`). Surfacings after a gap in the log are left out. Printed are the fraction of times within
+the 90 % interval, its median width, and the median error of its middle. The rival has dives without
+surface intervals, of the median duration of the last five.
 """
 
 from __future__ import annotations
@@ -55,26 +54,26 @@ from twin.records.store import write_store
 KINDS = ("slocum", "seaglider", "seaexplorer")
 LOGS = frozenset({".sbd", ".dbd", ".nc", ".parquet", ".csv", ".gz"})
 NEUTRAL = 0.1
-"""[m/s], or of a duration: scale of every model's errors before anything is learned of it"""
+"""[m/s], or [1] of a duration: scale of every model's errors before anything is learned"""
 LEAST = 5
-"""Dives of a deployment that has a say in the priors"""
+"""Fewest dives of a deployment that contributes to the priors"""
 ALIVE = 0.02
-"""[1] added to a learned weight, so that no model is ruled out"""
+"""[1] Addition to a learned weight, so that no model is excluded"""
 SAID = 20
-"""Scored surfacings from which a deployment is judged alone"""
+"""Scored surfacings from which a deployment has its own row"""
 CONFIDENCE = 0.99
-"""[1] of the intervals in which coverages shall lie"""
+"""[1] Confidence of the intervals that must contain the coverages"""
 AHEAD = (1, 2, 4)
 KNOWN, DRAWS, ASKED = 4, 400, 8
-"""Dives before the first forecast, draws, and dives of a deployment that is asked"""
+"""Dives before the first forecast, sample count, and number of forecasts per deployment"""
 MINUTE = 60.0
 
 
 def stores_in(folder: Path, work: Path) -> list[Path]:
-    """Stores of a folder, or those that its folders of logs become.
+    """Stores of a folder, or imported from its folders of logs.
 
     Raises:
-      InputError: neither is there.
+      InputError: the folder has neither.
     """
     if not folder.is_dir():
         raise InputError(f"no folder {folder}: give one that holds stores of logs, or logs")
@@ -83,7 +82,7 @@ def stores_in(folder: Path, work: Path) -> list[Path]:
         return stores
     shelf = work / "caches"
     shelf.mkdir()
-    for path in sorted(folder.rglob("*.cac")):  # a deployment may need the list of another
+    for path in sorted(folder.rglob("*.cac")):  # one deployment may need another's sensor list
         shutil.copyfile(path, shelf / path.name)
     for top in sorted(path for path in folder.iterdir() if path.is_dir()):
         kind = top.name.split("_")[0].lower()
@@ -91,7 +90,7 @@ def stores_in(folder: Path, work: Path) -> list[Path]:
             continue
         holding = {path.parent for path in top.rglob("*") if path.suffix.lower() in LOGS}
         if top in holding:
-            holding = {top}  # folders below it are raw files of the same dives
+            holding = {top}  # its subfolders have raw files of the same dives
         for number, place in enumerate(sorted(holding)):
             try:
                 dataset, _ = import_logs(kind, [place], cache=shelf if kind == "slocum" else None)
@@ -106,7 +105,7 @@ def stores_in(folder: Path, work: Path) -> list[Path]:
 
 
 def neutral() -> Priors:
-    """What is believed where no deployment has taught anything."""
+    """Priors before any deployment: equal weights and neutral scales."""
     shipped = Priors()
 
     def alike(priors: Mapping[str, Prior]) -> dict[str, Prior]:
@@ -117,10 +116,10 @@ def neutral() -> Priors:
 
 
 def learned(deployments: Sequence[DeploymentHindcast]) -> Priors:
-    """The priors that some deployments, walked through with neutral ones, have in common.
+    """Fit priors to deployments that were forecast with neutral priors.
 
-    A model's weight is the part that it had in explaining the dives, its scale the geometric mean,
-    each deployment counting once; the reaches are quantiles over all scored dives.
+    A model's weight is its share in explaining the dives, its scale the geometric mean, with equal
+    weight for each deployment. The reaches are quantiles over all scored dives.
     """
     taught = [one for one in deployments if len(one.legs) >= LEAST]
     start = neutral()
@@ -150,13 +149,13 @@ def learned(deployments: Sequence[DeploymentHindcast]) -> Priors:
 
 
 def judged(one: DeploymentHindcast, which: str) -> list[Judged]:
-    """What was scored of a deployment."""
+    """Scored forecasts of a deployment."""
     return [getattr(each, which) for each in one.surfacings if each.scored]
 
 
 @functools.cache
 def alone(one: DeploymentHindcast) -> dict[str, float]:
-    """Mean error [m/h] of each model of the current alone, over the scored dives."""
+    """Mean error [m/h] of each single model of the current, over the scored dives."""
     legs = [each.leg for each in one.legs]
     latitude = float(np.median([each.begin[0] for each in one.legs]))
     pool, missed = CurrentPool(latitude=latitude, time=legs[0].start), []
@@ -169,7 +168,7 @@ def alone(one: DeploymentHindcast) -> dict[str, float]:
 
 
 def label(one: DeploymentHindcast) -> str:
-    """Name and year and month of a deployment: a vehicle has several."""
+    """Name, year and month of a deployment, since a vehicle has several."""
     month = str(np.datetime64(round(one.legs[0].leg.start), "s"))[:7]
     return f"{one.name} {month}"
 
@@ -177,7 +176,7 @@ def label(one: DeploymentHindcast) -> str:
 def row(
     name: str, scores: Scores, ones: Sequence[DeploymentHindcast], which: str
 ) -> dict[str, Any]:
-    """One line of a table."""
+    """Table row of some deployments, by name."""
     runs = [judged(one, which) for one in ones]
     found = {"deployment": name, **scores.describe()}
     found |= {"rival": scores.rival, "ratio": scores.ratio, "interval": scores.ratio_interval}
@@ -208,7 +207,7 @@ def row(
 
 
 def table(ones: Sequence[DeploymentHindcast], which: str) -> list[dict[str, Any]]:
-    """A line for each deployment, for each group of them, and for all."""
+    """Rows for each deployment, for each group, and for all."""
     satellite = [one for one in ones if {leg.method for leg in one.legs} == {REPORTED}]
     groups = {
         "satellite logs": satellite,
@@ -224,7 +223,7 @@ def table(ones: Sequence[DeploymentHindcast], which: str) -> list[dict[str, Any]
 
 
 def markdown(rows: Sequence[Mapping[str, Any]], which: str) -> str:
-    """The table of a page."""
+    """Make a page's table in Markdown."""
     last = "own track afterwards" if which == "surfacing" else "by the best single model"
     head = [which, "scored", "forecast", "best rival", "its error", "ratio (95 %)", "in 50 %",
             "in 90 %", last]  # fmt: skip
@@ -247,8 +246,8 @@ def markdown(rows: Sequence[Mapping[str, Any]], which: str) -> str:
 
 
 def told(dives: Sequence[DiveTime]) -> list[tuple[int, bool, float, float, float]]:
-    """Rows of forecasts: surfacings ahead, whether the interval held the time, its width [s], the
-    error of its middle [s] and that of the rival [s]."""
+    """Score forecasts: surfacings ahead, whether the interval held the time, its width [s], error
+    of its middle [s] and that of the rival [s]."""
     schedule, rng = SurfacingSchedule(), np.random.default_rng(0)
     found = []
     for k, dive in enumerate(dives):
@@ -260,7 +259,7 @@ def told(dives: Sequence[DiveTime]) -> list[tuple[int, bool, float, float, float
             for ahead in AHEAD:
                 stays = [one.stay for one in dives[k : k + ahead]]
                 if len(stays) < ahead or not np.isfinite(stays).all():
-                    continue  # beyond the log, or beyond a hole in which it may have come up
+                    continue  # after the log, or after a gap with a possible surfacing
                 came = dives[k + ahead - 1].end - dives[k - 1].end
                 low, middle, high = np.quantile(ends[:, ahead - 1], [0.05, 0.5, 0.95])
                 off, rival = abs(came - middle), abs(came - ahead * usual)
@@ -270,7 +269,7 @@ def told(dives: Sequence[DiveTime]) -> list[tuple[int, bool, float, float, float
 
 
 def rows_of(name: str, found: Sequence[tuple[int, bool, float, float, float]]) -> dict[str, Any]:
-    """A row of the table."""
+    """Row of the table of times."""
     row: dict[str, Any] = {"deployment": name}
     for ahead in AHEAD:
         some = np.array([one[1:] for one in found if one[0] == ahead])
@@ -289,7 +288,7 @@ def rows_of(name: str, found: Sequence[tuple[int, bool, float, float, float]]) -
 
 
 def times_of(stores: Sequence[Path]) -> list[dict[str, Any]]:
-    """A row a deployment, and one of all."""
+    """Rows of times for each deployment, and for all."""
     rows, every = [], []
     for store in stores:
         with LogStore(store) as logs:

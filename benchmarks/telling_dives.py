@@ -1,10 +1,10 @@
-"""Telling dives: what three proposed dives leave of the deviations that five usual dives left.
+"""Telling dives: standard deviations after three proposed dives, relative to those before.
 
     python -m benchmarks.telling_dives
 
-Three vehicles fly five usual dives, then three proposed ones, or three usual ones more. Told are
-the deviations by Fisher information, over what five usual dives left, as a geometric mean over
-parameters.
+Three vehicles fly five usual dives, then three proposed ones, or three more usual ones. The figure
+is the geometric mean, over parameters, of the ratio of standard deviations by Fisher information,
+after and before these three.
 """
 
 from __future__ import annotations

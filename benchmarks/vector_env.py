@@ -1,12 +1,12 @@
-"""Environment steps per second with many vehicles at once, beside what bounds them.
+"""Vector environment: environment steps per second with many vehicles, against their limits.
 
     python -m benchmarks.vector_env [--vehicles N] [--lanes M]
 
 The limit is bare `mujoco.batch` on the same threads: the same models and control period, without
-observations, rewards and ends. The single environment stands beside it, and the vector environment
-with engine="lanes" and M vehicles. The four are measured in turn; each figure is the median over
-the rounds. Wall time is little worth where others use the cores; the last column is the processor
-time [us] that a step of the lanes takes, of all threads together.
+observations, rewards and ends. The single environment and the vector environment with
+engine="lanes" and M vehicles are measured too. The four take turns; each figure is the median over
+the rounds. Wall time says little on a shared machine. The last column is the processor time [us] of
+a step with lanes, over all threads.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from twin.control.registry import environment_id
 
 ROUNDS = 7
 SECONDS = 0.35
-"""[s] of each measurement"""
+"""[s] Duration of each measurement"""
 
 
 def rate(
     step: Callable[[], object], per_call: int, clock: Callable[[], float] = time.perf_counter
 ) -> float:
-    """Environment steps per second of the clock."""
+    """Environment steps per second of wall time."""
     calls, begin, processor = 0, time.perf_counter(), clock()
     while time.perf_counter() - begin < SECONDS:
         step()
@@ -41,8 +41,8 @@ def rate(
 
 
 def measure(task: str, vehicles: int, lanes: int) -> dict[str, float]:
-    """Vector environment, bare batch, single environment, and lanes by wall and by processor time
-    [steps per second]."""
+    """Steps per second of vector environment, bare batch and single environment, and of lanes by
+    wall and by processor time."""
     many = gymnasium.make_vec(environment_id(task), num_envs=vehicles)
     one = gymnasium.make(environment_id(task)).unwrapped
     rng = np.random.default_rng(0)
@@ -73,7 +73,7 @@ def measure(task: str, vehicles: int, lanes: int) -> dict[str, float]:
 
 
 def main(*, vehicles: int = 512, lanes: int = 4096) -> None:
-    """Print a row a task."""
+    """Print a row for each task."""
     print(
         f"environment steps per second, {vehicles} vehicles, {lanes} in lanes, control period 0.5 s"
     )

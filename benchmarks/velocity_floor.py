@@ -1,13 +1,13 @@
-"""What surge error sensors leave to an estimator that knows their errors and those of its model.
+"""Velocity floor: surge error of an estimator that knows the error statistics of its sensors.
 
     python -m benchmarks.velocity_floor STORE [--seed 0] [--json]
 
-Flies the missions of a `field` store again by the flight model alone: at every steady sample the
-depth rate is that of a balance of forces with constants that are drawn for the mission, and the
-accelerometers are off by what is drawn. `twin.navigation.flight_filter` then estimates the surge
-with exactly this prior: nothing is wrong but what it knows may be wrong. Printed is the error of
-dead reckoning with the true attitude over the steady samples, in % of their path: with the errors
-of preset `field`, with one of them switched off at a time, and of a filter that learns nothing.
+Flies the missions of a `field` store again by the flight model alone. At every steady sample the
+depth rate is that of a balance of forces, with constants sampled for the mission. Accelerometers
+have sampled errors. `twin.navigation.flight_filter` then estimates the surge with exactly this
+prior, so its model is right. Printed is the error of dead reckoning with the true attitude over the
+steady samples, in % of their path: with the errors of preset `field`, with one of them switched off
+at a time, and for a filter that estimates nothing.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ from twin.vehicle.parts.pump import CUBIC_CM
 from twin.vehicle.vehicle import Vehicle
 
 COEFFICIENT = 0.1
-"""Half of the width of the uniform distribution of each factor."""
+"""[1] Half the width of the uniform distribution of each factor."""
 STEADY_RATE = 3e-3
-"""[rad/s] of the pitch, at most."""
+"""[rad/s] Largest pitch rate of a steady sample."""
 STEADY_S = 20.0
 NEVER = {
     "coefficient": 1e-6, "drag": 1e-6, "pitch": 1e-8, "ballast": 1e-7, "compressibility": 1e-17
@@ -48,7 +48,7 @@ TRUE = ("depth", "roll", "pitch", "heading", "roll_rate", "pitch_rate", "yaw_rat
 
 
 def constants(rng: np.random.Generator) -> dict[str, Any]:
-    """What is wrong with one mission."""
+    """Sample the errors of one mission."""
     spread = FlightSpread()
     factors = rng.uniform(1.0 - COEFFICIENT, 1.0 + COEFFICIENT, 3)
     return {
@@ -68,8 +68,8 @@ RIGHT: Mapping[str, Any] = {
 def flown(
     mission: MissionSequence, vehicle: Vehicle, off: Mapping[str, Any]
 ) -> tuple[dict, Any, Any]:
-    """Measured signals of a mission that is flown with these constants, its surge, and where it is
-    steady."""
+    """Measured signals of a mission flown with these constants, its surge, and its steady
+    samples."""
     s = {name: mission.signals[f"true_{name}"] for name in TRUE}
     density, period = mission.signals["true_density"], mission.period
     law = vehicle.flow_frame
@@ -83,7 +83,7 @@ def flown(
     volume = vehicle.neutral_volume + CUBIC_CM * s["pump"]
     volume = volume * (1.0 - squeezed * vehicle.reference_density * vehicle.gravity * depth)
     net = vehicle.mass - density * volume
-    # The ballast stays the mission's own: pilots trim the vehicle to its water.
+    # The ballast stays the mission's: pilots trim the vehicle to its water.
     diving = depth > 5.0
     net += np.median((mission.signals["true_net_mass"] - net)[diving])
     pitch, roll = np.deg2rad(s["pitch"]), np.deg2rad(s["roll"])
@@ -97,7 +97,7 @@ def flown(
     steady = gliding & (np.abs(np.gradient(pitch, period)) < STEADY_RATE) & (depth > 5.0)
     width = round(2.0 * STEADY_S / period) + 1
     steady = np.convolve(steady & (sink * true_rate > 0.0), np.ones(width), "same") > width - 0.5
-    # What the depth drifts by is taken back at each stay at the surface.
+    # The depth's drift is removed at each surface interval.
     rate = np.where(steady, sink, true_rate)
     drift = np.cumsum(rate - true_rate) * period
     last = np.maximum.accumulate(np.where(s["depth"] < 1.5, np.arange(len(drift)), 0))
@@ -120,7 +120,7 @@ def flown(
 def error_percent(
     mission: MissionSequence, vehicle: Vehicle, off: Any, spread: FlightSpread
 ) -> float:
-    """Error of dead reckoning at the end over the path, steady samples alone."""
+    """[%] Error of dead reckoning at the end over the path, for steady samples only."""
     signals, surge, steady = flown(mission, vehicle, off)
     found = FlightFilter(vehicle, mission.period, spread).run(signals)[:, 0]
     heading = np.deg2rad(mission.signals["true_heading"][steady])
@@ -131,7 +131,7 @@ def error_percent(
 
 
 def _without(name: str) -> FlightSpread:
-    """The filter's prior where it knows that this is right; of single coefficients it does not."""
+    """Prior of the filter that knows one error to be zero; single coefficients keep theirs."""
     known = {
         "accelerometers": ("pitch",), "coefficients": ("coefficient", "drag"),
         "compressibility": ("compressibility",),

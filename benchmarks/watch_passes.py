@@ -1,13 +1,13 @@
-"""Watch passes: from the arrival of a dive's file to the page, early and late in a deployment.
+"""Watch passes: time from a dive's file to the page, and passes that are disturbed.
 
     python -m benchmarks.watch_passes --dives 5 300
     python -m benchmarks.watch_passes --dives --kills 100 --orders 50
     python -m benchmarks.watch_passes --real ../shared/data/slocum_barnacle_2022/raw --orders 20
 
-A Seaglider of the tests flies saw-tooth dives to 950 m, three hours each, and its base station's
-files but the last lie in the source. A first pass takes them in; then the last file arrives, and a
-pass of its own process is timed, with its peak of memory. `replay` makes everything again from the
-files, and says whether log, beliefs and events have the same bytes.
+A Seaglider of the tests makes saw-tooth dives to 950 m, three hours each. All files but the last
+lie in the source, and a first pass reads them. Then the last file arrives, and a pass in its own
+process is timed, with its peak of memory. `replay` makes everything again from the files, and says
+whether log, beliefs and events have the same bytes.
 
 `--kills` ends passes over four shallow dives at random moments and lets the next one go on;
 `--orders` lets the files arrive in random orders, with halves, files of wrong content and copies
@@ -54,10 +54,10 @@ from twin.records.store import write_store
 DEPTH = 950.0
 """[m] of the dives"""
 HARMED = 4
-"""Dives of the deployments that are killed or shuffled"""
+"""Number of dives where passes are killed or files are shuffled"""
 FORECAST = "page/forecast.geojson"
 PASSES = 5
-"""Passes while the files of a real deployment arrive"""
+"""Number of passes while the files of a real deployment arrive"""
 LOGS = {f".{a}{b}d" for a in "dmsent" for b in "bc"}
 """Endings of a Slocum's binary files"""
 ODD = 0.3
@@ -65,13 +65,13 @@ ODD = 0.3
 
 
 def passed(folder: Path, *words: str) -> tuple[Ran, dict[str, Any]]:
-    """Use and answer of a pass in its own process."""
+    """Make a pass in its own process: resources used, and its answer."""
     found = ran([sys.executable, "-m", "twin", "watch", str(folder), *words, "--json"])
     return found, json.loads(found.said)
 
 
 def costs(one: Ran, at: str = "") -> dict[str, object]:
-    """The use of a pass, for a program."""
+    """Resources of a pass, by name."""
     return {
         f"arrival to page{at} [s]": round(one.wall_s, 1),
         f"of it on processors{at} [s]": round(one.cpu_s, 1),
@@ -303,7 +303,7 @@ def _pass(folder: Path) -> None:
 
 
 def _bytes(folder: Path) -> list[Any]:
-    """Of log, beliefs, events and the page's figures; what lies beside them, too."""
+    """Content hashes of log, beliefs, events and forecast, and names of leftovers beside them."""
     beside = sorted(path.name for path in folder.iterdir() if "writing" in path.name)
     return [*(content_of(folder / name) for name in (*PARTS, FORECAST)), beside]
 

@@ -1,11 +1,11 @@
-"""Windows read for training: by `factory.Windows`, against slices of the store and a bare copy.
+"""Window reading for training: `factory.Windows`, against slices of the store and a bare copy.
 
     python -m benchmarks.window_reading [HOURS] [MEMORY_MB]
 
-It makes a field store of so many hours (default 20) and reads windows of 256 samples of ten
-signals at random. The ways take turns. `streamed` has memory for a part of the store only (default
-4 MB), so that every mission is decoded again in every epoch; its yardstick is decoding alone. The
-yardstick of `in memory` is a copy of as many bytes.
+Makes a field store of HOURS (default 20). Reads random windows of 256 samples of ten signals; the
+methods take turns. `streamed` has memory for a part of the store only (default 4 MB), so that every
+mission is decoded again in every epoch; its comparison is decoding alone. The comparison of `in
+memory` is a copy of as many bytes.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def main(
         ]  # fmt: skip
         print(format_table(rows, digits=7))
         copy, decoding_alone = found["limit: a copy"], found["limit: decoding"]
-        if copy:  # the store's windows fit into that memory
+        if copy:  # the store's windows fit into this memory
             memory, streaming = found["in memory, batches"], found["streamed"]
             measured(
                 "window_reading", memory=memory, memory_times=memory / slow,

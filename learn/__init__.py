@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from twin.extras import require_learning, started_as
 from twin.lazy import attach, places
 
-if not started_as("learn"):  # the program says it without a traceback
+if not started_as("learn"):  # the command line reports a missing package without a traceback
     require_learning()
 
 if TYPE_CHECKING:

@@ -1,8 +1,8 @@
-"""Adaptation: a run's networks fitted to one vehicle by its first dives.
+"""Adaptation: fit a run to one vehicle from its first dives, without training its networks again.
 
-Fitted are the hull's seven constants (`twin.navigation.flight_fit`): a second flight filter begins
-with them, and in steady glides its surge is mixed with the networks'. These stay as they are, and
-so does the filter that they read.
+The fit finds the hull's seven constants (`twin.navigation.flight_fit`). A second flight filter
+starts from them, and in steady glides its surge is mixed with the networks'. The networks and the
+flight filter that they read stay unchanged.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from twin.records.storage.store_path import StorePath
 from twin.records.storage.whole import whole_folder
 
 Adapting = Literal["none", "dvl"]
-"""Velocities to adapt on: none but the depth's, or those of a Doppler log in water lock"""
+"""Velocities to fit: the vertical velocity from depth alone, or also a Doppler log's water track"""
 LOG_CHANNELS = tuple(f"measured_dvl_{name}" for name in ("surge", "sway", "heave", "mode"))
 FIXES = ("measured_gps_north", "measured_gps_east")
 NOT_IDENTIFIED_BY = frozenset(CHANNELS) - frozenset(NEEDED)
-"""Rates, accelerations and density: the flight filter needs them, `twin identify` does not"""
+"""Channels that only the flight filter needs, not `twin identify`: rates, accelerations, density"""
 
 
 def adapt(
@@ -49,26 +49,25 @@ def adapt(
     labels: Adapting = "none",
     overwrite: bool = False,
 ) -> tuple[Run, FlightFit]:
-    """A copy of a run that knows a vehicle by its first dives.
+    """Copy a run and adapt the copy to a vehicle from its first dives.
 
     Args:
-      run: as `fit` or `open_run` give it, or its folder or name; its networks read the flight
-        filter.
+      run: a `Run`, or a run's folder or name; its networks must read the flight filter.
       store: dives of this one vehicle, simulated or logged.
-      folder: of the new run.
-      missions: rows of the store; empty: all.
-      dives: at most so many, the first ones.
-      labels: `dvl` takes the Doppler log too.
-      overwrite: take the place of a run in `folder`.
+      folder: folder of the new run.
+      missions: rows of the store to use; empty uses all.
+      dives: largest number of dives to use, from the first on.
+      labels: `dvl` also uses the Doppler log.
+      overwrite: replace a run in `folder`.
 
     Returns:
-      The run, and what was found. Where held-back dives are best with the hull of the file, it is
-      the one that it was made of.
+      The new run and the fit. If the vehicle file's constants predict the held-back dives better,
+      the new run behaves like the original.
 
     Raises:
-      InputError: the networks do not read the filter, or the dives do not suffice.
+      InputError: the networks do not read the flight filter, or the dives do not suffice.
       StoreError: a channel is missing.
-      WriteError: something else is in `folder`.
+      WriteError: `folder` holds something other than a run.
     """
     run, folder = (run if isinstance(run, Run) else open_run(run)), Path(folder)
     glides = first_glides(run, store, missions=missions, dives=dives, labels=labels)
@@ -95,7 +94,7 @@ def first_glides(
     dives: int = 5,
     labels: Adapting = "none",
 ) -> list[Glides]:
-    """Steady glides of the first dives of a store, by dive; arguments and errors as `adapt`."""
+    """Steady glides in each of a store's first dives; arguments and errors as in `adapt`."""
     if not set(channels_of(run.features)) & set(ESTIMATED):
         raise InputError(
             f"the networks of run {run.name} do not read the flight filter, through which they "
@@ -123,9 +122,9 @@ def first_glides(
 
 
 def instead(channels: Iterable[str]) -> str:
-    """What to do on a log that lacks these channels; empty where only the log itself helps.
+    """Advice for an error about missing channels; empty if only a more complete log helps.
 
-    Networks that do without them do not read the flight filter, and so cannot adapt.
+    Networks without these inputs are no alternative: they do not read the flight filter.
     """
     lost = set(channels)
     if lost <= set(LOG_CHANNELS):
@@ -139,7 +138,7 @@ def instead(channels: Iterable[str]) -> str:
 
 
 def dive_spans(mission: MissionSequence, *, logged: bool) -> list[slice]:
-    """Dives of a mission; a row of logs is one."""
+    """Slices of a mission's samples, one per dive; a logged row is a single dive."""
     signals: Mapping[str, NDArray[np.float64]] = mission.signals
     spans = [] if logged else [dive.span for dive in find_dives(signals, mission.period)]
     return spans or [slice(0, mission.samples)]

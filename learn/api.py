@@ -1,6 +1,6 @@
-"""The functions of `import learn`: train, evaluate and export in a few lines.
+"""API: the functions of `import learn`, which train, evaluate and export networks.
 
-They return values and print nothing. The command line calls the same functions.
+The functions return values and print nothing. The command line calls them too.
 """
 
 from __future__ import annotations
@@ -47,23 +47,23 @@ def fit(
     """Train networks for surge and sway on a store, evaluate them and write a report.
 
     Args:
-      store: of missions or of logs, or several of simulated missions, each of one vehicle; None is
-        data/missions.zarr, or the run's own with `resume`.
-      folder: of the run; None is a new one in runs/, named by date and number.
+      store: missions or logs of one vehicle, or several stores of simulated missions, each of one
+        vehicle; None is data/missions.zarr or, with `resume`, the run's own store.
+      folder: folder of the run; None creates one in runs/, named by date and number.
       resume: continue the run in `folder` with its own settings; start it if there is none.
-      overwrite: replace the run in `folder`, which is kept until the new one is trained; with
-        `resume` such a replacement is continued.
-      workers: processes; None or 1 trains in this one, more need the script's main part behind
-        `if __name__ == "__main__"`.
-      executor: trains instead of such processes: any of `concurrent.futures`, that of a dask
-        client too. It must reach `folder` and `store` by the same paths.
-      memory: [GB] for the training data, see `learn.training.resources`; a store that needs more
-        is streamed, with the same result.
+      overwrite: replace the run in `folder` once the new one is trained; with `resume`, an
+        interrupted replacement continues.
+      workers: number of processes; None or 1 trains in this process. More processes need the
+        script's main part behind `if __name__ == "__main__"`.
+      executor: a `concurrent.futures` executor, or a dask client's, that trains instead of local
+        processes. Its workers must reach `folder` and `store` by the same paths.
+      memory: [GB] limit for the training data, see `learn.training.resources`; a larger store is
+        streamed, with the same result.
       watch: called as watch(job, report) at every validation of every network.
-      say: told warnings, and what is being done after the training.
+      say: called with each warning, and with each step after the training, as text.
       history: a line for the record, such as the command.
-      report: evaluate the networks and write the report; else `learn.finishing.finish` does later.
-      settings: as of `FitSettings`, which names and explains them.
+      report: evaluate the networks and write the report; if not, call `learn.finishing.finish`.
+      settings: fields of `FitSettings`.
 
     Returns:
       The run, with `folder`, `figures` and `predict`.
@@ -94,17 +94,17 @@ def evaluate(
     baselines: Sequence[str] | None = None,
     watches: Sequence[EvaluationWatch] = (),
 ) -> RunEvaluation:
-    """A run on the missions of a store, beside the floor and the baselines.
+    """Evaluate a run on a store, next to the baselines and a lower bound of the error.
 
     Args:
-      run: as `fit` or `open_run` give it, or its folder or name.
-      store: of missions or logs; None is the run's own.
+      run: a `Run`, or a run's folder or name.
+      store: missions or logs; None is the run's own store.
       split: test, train, validation or all.
       baselines: names of velocity estimators; None runs all, an empty sequence none.
-      watches: called with every mission and all estimates of it.
+      watches: functions called with every mission and all its estimates.
 
     Returns:
-      The evaluation; its `figures` are errors in m/s and in % of the path, by name.
+      The evaluation; `figures` maps names to errors in m/s and in % of the path length.
 
     Raises:
       InputError: no such run or baseline.
@@ -116,7 +116,7 @@ def evaluate(
 
 
 EXPORTS = ("onnx", "c")
-"""What `export` writes."""
+"""Formats that `export` writes."""
 
 
 def export(
@@ -126,19 +126,18 @@ def export(
     to: str = "onnx",
     store: str | StorePath | None = None,
 ) -> dict[str, Parity]:
-    """Write a run for on-board use, and check it over a mission.
+    """Export a run's networks for on-board use, and compare them with the originals over a mission.
 
     Args:
-      run: as `fit` or `open_run` give it, or its folder or name.
-      folder: for the files; None is onnx/ or c/ in the run's folder.
-      to: `onnx`, one model per network, one time step with explicit state; or `c`, one C99 header
-        from sensor samples to surge and sway, features included.
-      store: of the mission that is run through network and file; None is the run's own. Its
-        longest mission is taken.
+      run: a `Run`, or a run's folder or name.
+      folder: folder of the files; None is onnx/ or c/ in the run's folder.
+      to: `onnx` for one model per network, which computes one time step with explicit state; `c`
+        for one C99 header that computes surge and sway from sensor samples.
+      store: store whose longest mission is used for the comparison; None is the run's own.
 
     Returns:
-      By the name of the network, such as surge-0, or `velocity` for C, the file and how far it is
-      from the network.
+      Each file with its difference from the network, by network name (such as surge-0), or under
+      `velocity` for C.
 
     Raises:
       InputError: the extra onnx is not installed; torch cannot export the network; or there is no

@@ -1,5 +1,5 @@
-"""Files: JSON written whole or not at all, sealed where a changed byte must be found, and output
-paths checked before long work."""
+"""Files: write JSON atomically, with a checksum where a changed byte must be found, and check
+output paths before long computations."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from twin.errors import InputError, StoreError
 from twin.records.storage.whole import whole_file
 
 SEAL = "sha256"
-"""Entry of a sealed file: the SHA-256 of its text without this entry"""
+"""Entry of a sealed file: SHA-256 of the file's text without this entry"""
 _HASH = re.compile("[0-9a-f]{64}")
 
 
 def write_json(path: Path, figures: Mapping[str, Any]) -> None:
-    """Write what JSON can hold so that a kill leaves the old file or the new one.
+    """Write a JSON file atomically: a kill leaves the old file or the new one.
 
     Raises:
       WriteError: the disk refuses.
@@ -31,7 +31,7 @@ def write_json(path: Path, figures: Mapping[str, Any]) -> None:
 
 
 def write_sealed(path: Path, figures: Mapping[str, Any]) -> None:
-    """Write JSON with the SHA-256 of its own text, by which `check_seal` finds a changed byte.
+    """Write a JSON file with the SHA-256 of its own text, which `check_seal` verifies.
 
     Raises:
       WriteError: the disk refuses.
@@ -41,14 +41,14 @@ def write_sealed(path: Path, figures: Mapping[str, Any]) -> None:
 
 
 def check_seal(path: Path, found: Mapping[str, Any], remedy: str) -> None:
-    """Make sure that a JSON file is, byte for byte, what `write_sealed` wrote.
+    """Check that a JSON file is, byte for byte, as `write_sealed` wrote it.
 
     Args:
-      found: what was read from it.
-      remedy: what makes the file again, for the error.
+      found: the object that was read from the file.
+      remedy: advice for the error: how to make the file again.
 
     Raises:
-      StoreError: it is not.
+      StoreError: the file was changed.
     """
     plain = {name: value for name, value in found.items() if name != SEAL}
     seal = _sha256(_text(plain).encode())
@@ -65,13 +65,13 @@ def _sha256(data: bytes) -> str:
 
 
 def read_json(path: Path, remedy: str) -> dict[str, Any]:
-    """A JSON object.
+    """Read a JSON object from a file.
 
     Args:
-      remedy: what makes the file again, for the error.
+      remedy: advice for the error: how to make the file again.
 
     Raises:
-      StoreError: it is no JSON object.
+      StoreError: the file holds no JSON object.
     """
     try:
         found = parse_json(read_text(path, "file", StoreError), str(path), StoreError)
@@ -83,27 +83,26 @@ def read_json(path: Path, remedy: str) -> dict[str, Any]:
 
 
 def read_sealed(path: Path, remedy: str) -> dict[str, Any]:
-    """What `write_sealed` wrote, without the seal. Files of version 0.1.0 have none and are read as
-    they are.
+    """Read a sealed JSON file without its seal; files of version 0.1.0 have none to verify.
 
     Args:
-      remedy: what makes the file again, for the error.
+      remedy: advice for the error: how to make the file again.
 
     Raises:
-      StoreError: it is no JSON object, or not what was written.
+      StoreError: the file holds no JSON object, or was changed.
     """
     found = read_json(path, remedy)
-    # a seal is one under a damaged name too
+    # any SHA-256 value counts as a seal: the damaged byte may be in the entry's name
     if SEAL in found or any(_HASH.fullmatch(str(value)) for value in found.values()):
         check_seal(path, found, remedy)
     return {name: value for name, value in found.items() if name != SEAL}
 
 
 def check_folder(path: Path, option: str) -> None:
-    """Make sure that a folder is there and can be written to, or can be made.
+    """Check that a folder is writable or can be created.
 
     Raises:
-      InputError: a file is in the way, or the place may not be written to.
+      InputError: a file is in the way, or there is no permission to write.
     """
     place = path.absolute()
     while not place.exists() and place != place.parent:
@@ -115,10 +114,10 @@ def check_folder(path: Path, option: str) -> None:
 
 
 def check_file(path: Path, option: str, *, folder: bool = False) -> None:
-    """Make sure that a file can be written; with `folder` it is one of those formats that are one.
+    """Check that a file can be written; `folder` is for formats that are folders, such as zarr.
 
     Raises:
-      InputError: as `check_folder`, or a folder is where the file shall be.
+      InputError: as in `check_folder`, or a folder is in the file's place.
     """
     check_folder(path.parent, option)
     if path.is_dir() and not folder:

@@ -1,4 +1,4 @@
-"""Finishing: what is done after the training of a run: error model, evaluations, page and card."""
+"""Finishing: the steps after a run's training: error model, evaluations, page and model card."""
 
 from __future__ import annotations
 
@@ -52,20 +52,20 @@ from twin.sensors.suite import SensorSuite
 IDEAL_SENSORS = "ideal"
 """The store's attribute `sensors` when its compass has no error."""
 JUDGED = 1000
-"""Missions that a run is judged on after its training; `learn evaluate` takes all of a store"""
+"""Largest number of missions evaluated after the training; `learn evaluate` has no limit"""
 PAPER_TEST_STORE = "paper-test.zarr"
 
 Say = Callable[[str], None]
 
 
 def check_finish(store: str) -> None:
-    """Refuse, before anything is trained, a store that `finish` cannot fly the paper's test for.
+    """Refuse, before training, a store whose sensors `finish` cannot simulate in the paper's test.
 
     Raises:
-      UnknownName: a sensor of the store is not registered here, such as one of your own without its
+      UnknownName: a sensor of the store is not registered, such as your own sensor without its
         plugin.
     """
-    if not is_store(store) or is_log_store(store):  # reading it says what it is
+    if not is_store(store) or is_log_store(store):  # the training's reader raises the better error
         return
     sensors = read_attributes(store).get(SENSORS)
     if sensors is not None:
@@ -73,12 +73,11 @@ def check_finish(store: str) -> None:
 
 
 def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
-    """Everything of a run that follows its training: error model, evaluations, page, card, and the
-    list of checksums of all files.
+    """Finish a trained run: fit the error model, evaluate, write page, card and checksums.
 
     Args:
       history: command line for the page.
-      say: told what is being done.
+      say: called with a sentence before each long step.
 
     Returns:
       The run with its error model.
@@ -108,7 +107,7 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
 
 
 def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, history: str) -> Path:
-    """The run's page from its evaluations."""
+    """Write the run's page from its evaluations; returns the page's path."""
     settings = run.description["settings"]
     if is_log_store(run.stores[0]):
         folder = (run.folder / REPORT).parent
@@ -131,7 +130,7 @@ def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, hi
 
 
 def write_evaluation_page(folder: Path, run: Run, found: RunEvaluation, *, history: str) -> Path:
-    """The page of a run's evaluation on any store; `history` is the command line on it."""
+    """Write the page of a run's evaluation on any store; `history` is the command line to show."""
     store, split = found.evaluation.store, found.evaluation.split
     if is_log_store(store):
         return build_log_page(folder, run, found, provenance(run), history)
@@ -148,7 +147,7 @@ def write_evaluation_page(folder: Path, run: Run, found: RunEvaluation, *, histo
 
 
 def _each_store(run: Run, test: RunEvaluation) -> list[Study]:
-    """The stores one by one, where there are several."""
+    """Table with a row per store, if the run was trained on several; else no table."""
     stores = test.figures.get("stores", {})
     if not stores:
         return []
@@ -174,7 +173,7 @@ def _each_store(run: Run, test: RunEvaluation) -> list[Study]:
 
 
 def provenance(run: Run) -> dict[str, object]:
-    """What a run was made from and with."""
+    """Origin of a run by label, for its page: store, inputs, settings, times and versions."""
     settings = run.description["settings"]
     networks = run.description.get("networks", {}).values()
     return {
@@ -201,8 +200,8 @@ def _familiarity(run: Run) -> Familiarity:
 
 
 def _errors(run: Run, split: str) -> tuple[ErrorModel, dict[str, Any]]:
-    """What missions say that no network was trained on; and the entry TETHER, of networks that read
-    the flight filter."""
+    """Error model from missions outside the training; and, if the networks read the flight filter,
+    the entry TETHER."""
     seconds: list[float] = []
     apart: list[Array] = []
     surge: list[Array] = []
@@ -235,11 +234,11 @@ def _errors(run: Run, split: str) -> tuple[ErrorModel, dict[str, Any]]:
 
 
 def _paper_test(run: Run, say: Say) -> RunEvaluation | None:
-    """The run on the paper's three missions, flown with the sensors of its store.
+    """Evaluation on the paper's three missions, simulated with the sensors of the run's store.
 
-    None for a store that the factory did not make, whose sensors are not known, for one of a
-    vehicle with other parts than the Sea-Wing, which flies the test, for networks that read a CTD:
-    its water has one density, and for several stores, whose sensors may differ.
+    None for several stores, whose sensors may differ; for a store without its sensors' name, which
+    the factory did not make; for a vehicle with other parts than the Sea-Wing, which flies the
+    test; and for networks that read a CTD: the test's water has one density.
     """
     if len(run.stores) > 1:
         say("leaving out the paper's test: one vehicle flies it with the sensors of its store")
@@ -271,7 +270,7 @@ def _paper_test(run: Run, say: Say) -> RunEvaluation | None:
 
 
 def _training_mission(run: Run) -> MissionSequence | None:
-    """One training mission with the channels that the page draws and the store has."""
+    """First training mission, with those of the page's channels that the store has."""
     store = run.stores[0]
     with MissionStore(store) as reader:
         present = set(reader.dataset.data_vars)

@@ -1,4 +1,4 @@
-"""Run: the folder of one training, with everything that its networks need and came from.
+"""Run: the folder of one training: its networks, their settings, origin and evaluation.
 
 runs/NAME/
   run.json              settings, data, versions, command line, figures of the training
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 RUNS = Path("runs")
 DEFAULT_STORE = Path("data/missions.zarr")
-"""Where `factory generate` puts a store by default."""
+"""Default path of a store, as in `factory generate`."""
 DESCRIPTION = "run.json"
 METRICS = "metrics.jsonl"
 EVALUATION = "evaluation.json"
@@ -49,39 +49,39 @@ REPORT = Path("report") / "index.html"
 FORMAT = 2
 """Version of `run.json`."""
 UNSEALED = 1
-"""Version whose `run.json` has no checksum, of releases up to 0.1.0."""
+"""Version of a `run.json` without checksum, as releases up to 0.1.0 wrote."""
 FILTER = "flight filter"
-"""Entry of the versions of `run.json`; runs of the first filter lack it"""
+"""Entry of `run.json`'s `versions`: the flight filter's version; runs of version 1 lack it"""
 TRUTH = "truth"
-"""Entry of `run.json`: the channels of truth in its store; runs of version 0.1.0 lack it."""
+"""Entry of `run.json`: the true channels in the run's store; runs of version 0.1.0 lack it."""
 LABELS = "label_counts"
-"""Entry of `run.json`: what Doppler logs gave to learn from, of a run that learned from them."""
+"""Entry of `run.json`: numbers of labels from Doppler logs, for a run that learned from them."""
 ORIGIN = "started_from"
-"""Entry of `run.json`: the run whose weights the training went on from, and what its store was."""
+"""Entry of `run.json`: the run whose weights this training started from, and that run's store."""
 TETHER = "tether"
-"""Entry of `run.json`: the vehicles' models that it was trained on, and how far from the flight
-filter [m/s] its surge may be on others; of networks that read the filter."""
+"""Entry of `run.json`, if the networks read the flight filter: the vehicle models in the training,
+and the bias limit [m/s] between network and filter surge on any other model."""
 ADAPTATION = "adaptation"
-"""Entry of `run.json`: what `learn adapt` found, and from which dives"""
+"""Entry of `run.json`: the result of `learn adapt`, and the dives that it used"""
 MORE_STORES = "more_stores"
-"""Entry of `run.json`: what was kept of the further stores of a run that was trained on several,
-with `vehicle` and `store`; in the settings, their paths"""
+"""Entry of `run.json`: vehicle and attributes of each store after the first, of a run that was
+trained on several; the entry of this name in the settings has the stores' paths"""
 FAMILIARITY = "familiarity"
-"""Entry of `run.json`: the hulls of its training, of networks that read the flight filter"""
+"""Entry of `run.json`, if the networks read the flight filter: the hulls in the training"""
 SETTINGS = ("store", "features", "network", "training", "members", "division")
 """Settings without which a run cannot be read."""
 TARGETS = ("surge", "sway")
 FACTORY_PERIOD = 0.5
-"""[s] of stores that do not say it: all were made by the factory."""
+"""[s] Sample period of a store without that attribute: the factory made all of them."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Run:
-    """One run folder."""
+    """A finished run: its folder and the content of its `run.json`."""
 
     folder: Path
     description: Mapping[str, Any]
-    """What `run.json` says."""
+    """Content of `run.json`."""
 
     @property
     def name(self) -> str:
@@ -90,10 +90,10 @@ class Run:
 
     @property
     def store(self) -> StorePath:
-        """The store that it was trained on.
+        """Store that the run was trained on.
 
         Raises:
-          InputError: there are several.
+          InputError: the run was trained on several stores.
         """
         if len(self.stores) > 1:
             raise InputError(
@@ -104,7 +104,7 @@ class Run:
 
     @property
     def stores(self) -> tuple[StorePath, ...]:
-        """All stores that it was trained on."""
+        """All stores that the run was trained on."""
         settings = self.description["settings"]
         return tuple(map(store_path, (settings["store"], *settings.get(MORE_STORES, ()))))
 
@@ -115,30 +115,30 @@ class Run:
 
     @property
     def period(self) -> float:
-        """[s] between the samples that its networks were trained on."""
+        """[s] Sample period of the networks."""
         chosen = self.description["settings"].get("period")
         stored = self.description.get("store", {}).get(SAMPLE_PERIOD, FACTORY_PERIOD)
         return float(stored if chosen is None else chosen)
 
     @property
     def features(self) -> tuple[str, ...]:
-        """Inputs of its networks, by name, in order."""
+        """Names of the networks' inputs, in order."""
         return tuple(self.description["settings"]["features"])
 
     @property
     def hulls(self) -> str:
-        """Those of its training, a name of `twin.navigation.flight_filter.HULLS`."""
+        """Range of hulls in the training, a key of `twin.navigation.flight_filter.HULLS`."""
         return str(self.description["settings"].get("hulls", "any"))
 
     @property
     def labels(self) -> LabelConfig:
-        """What its networks learned from."""
+        """Source of the velocities that the networks learned from, with its settings."""
         from learn.data.labels import label_config
 
         return label_config(self.description["settings"])
 
     def label_sentences(self) -> list[str]:
-        """What the Doppler log gave to learn from; nothing where the truth was learned from."""
+        """Sentences on the Doppler log's labels; none if the networks learned from the truth."""
         from learn.data.labels import LabelCounts
 
         counts = self.description.get(LABELS)
@@ -146,15 +146,15 @@ class Run:
 
     @property
     def report(self) -> Path:
-        """Its page."""
+        """Path of the run's page."""
         return self.folder / REPORT
 
     def predict(self, store: str | StorePath, *, split: str = "all") -> list[Prediction]:
-        """Surge and sway of missions, running free from the start of each.
+        """Predict surge and sway over a store's missions, each in one run from its start.
 
         Args:
-          store: path of a store that has what the networks read; a finer one is thinned to the
-            run's period.
+          store: path of a store with the networks' input channels; samples of a shorter period are
+            thinned to the run's period.
           split: train, validation, test or all.
 
         Raises:
@@ -168,15 +168,15 @@ class Run:
         return predict_missions(networks, store, split=split, period=self.period)
 
     def networks(self, vehicle: Vehicle | None = None) -> dict[str, Ensemble]:
-        """Surge and sway.
+        """Load the networks for surge and sway.
 
         Args:
-          vehicle: that they are for; of a kind that the training had none of, their surge is held
-            to the flight filter's (`learn.networks.familiarity`). None: one of the training's.
+          vehicle: their vehicle. If its model was not in the training, a bias limit holds surge to
+            the flight filter's (`learn.networks.familiarity`). None: no limit.
 
         Raises:
-          StoreError: a file is missing, damaged or of another format, or the networks learned to
-            read another flight filter.
+          StoreError: a file is missing, damaged or of another format, or the networks were trained
+            with another version of the flight filter.
         """
         from learn.networks.predictor import Ensemble, load_predictor
         from twin.navigation.features import channels_of
@@ -208,10 +208,10 @@ class Run:
 
     @property
     def spread(self) -> FlightSpread:
-        """How far hulls may be from their file, for the flight filter, by those of its training.
+        """Flight filter's prior spread of hulls about the vehicle file, as in the training.
 
         Raises:
-          StoreError: `run.json` has a word for it that is unknown.
+          StoreError: `run.json` has an unknown word for the hulls.
         """
         from twin.navigation.flight_filter import HULLS
 
@@ -221,10 +221,10 @@ class Run:
         return HULLS[self.hulls]
 
     def tether(self, vehicle: Vehicle | None) -> Tether | None:
-        """Of surge on a kind of vehicle that the training had none of; None: on any other.
+        """Bias limit of surge on a vehicle whose model was not in the training; else None.
 
         Raises:
-          StoreError: what `run.json` holds of it is not whole.
+          StoreError: the entry in `run.json` is incomplete.
         """
         from learn.networks.familiarity import Tether
 
@@ -241,8 +241,8 @@ class Run:
             ) from error
 
     def strange(self, vehicle: Vehicle) -> str:
-        """A sentence where the training had none of a vehicle's kind; empty where it had, or where
-        the run does not say."""
+        """Warning that no vehicle of this model was in the training; empty if one was, or if
+        `run.json` has no entry on it."""
         if self.tether(vehicle) is None:
             return ""
         known = ", ".join(self.description[TETHER]["models"])
@@ -254,16 +254,16 @@ class Run:
 
     @property
     def network_files(self) -> tuple[str, ...]:
-        """Names of the files of its networks."""
+        """File names of the networks."""
         stems = [stem(Path(), target, k) for target in TARGETS for k in range(self.members)]
         return tuple(f"{one}{end}" for one in stems for end in (".safetensors", ".json"))
 
     @property
     def familiar(self) -> Familiarity | None:
-        """Hulls that its training knew; None: its networks do not read the flight filter.
+        """Statistics of the training's hulls; None if the networks do not read the flight filter.
 
         Raises:
-          StoreError: what `run.json` holds of them is not whole.
+          StoreError: the entry in `run.json` is incomplete.
         """
         from learn.networks.familiarity import Familiarity
 
@@ -273,10 +273,10 @@ class Run:
 
     @property
     def adapted(self) -> Adapted | None:
-        """What a run that adapted to dives knows of their vehicle.
+        """Vehicle constants that `learn adapt` fitted; None for a run that was not adapted.
 
         Raises:
-          StoreError: `run.json` holds one with other entries.
+          StoreError: the entry in `run.json` is not as this version writes it.
         """
         from learn.networks.predictor import Adapted
         from twin.navigation.flight_filter import FlightStart
@@ -299,8 +299,7 @@ class Run:
             ) from error
 
     def metrics(self) -> list[dict[str, Any]]:
-        """Lines of `metrics.jsonl`; none when it is missing. A last line that a kill halved is left
-        out.
+        """Entries of `metrics.jsonl`; none without the file, and none for an unfinished last line.
 
         Raises:
           StoreError: another line is damaged (named).
@@ -320,19 +319,19 @@ class Run:
 
     @property
     def figures(self) -> dict[str, Any] | None:
-        """Figures of its evaluation by name, as `learn evaluate --json` prints them; None before.
+        """Figures of the evaluation, as `learn evaluate --json` prints them; None before it.
 
         Raises:
-          StoreError: it is damaged, or lacks a figure (named).
+          StoreError: the file is damaged, or lacks a figure (named).
         """
         return self._evaluated(EVALUATION)
 
     @property
     def paper_figures(self) -> dict[str, Any] | None:
-        """The same on the paper's test; None where it was not flown (`learn.finishing`).
+        """Figures on the paper's test by name; None if it was not flown (`learn.finishing`).
 
         Raises:
-          StoreError: it is damaged, or lacks a figure (named).
+          StoreError: the file is damaged, or lacks a figure (named).
         """
         return self._evaluated(PAPER_TEST)
 
@@ -352,10 +351,10 @@ class Run:
         return found
 
     def error_model(self) -> ErrorModel:
-        """What validation missions said about its errors; the defaults without any.
+        """Error statistics from validation missions; defaults if the run has none.
 
         Raises:
-          StoreError: `run.json` holds one with other entries.
+          StoreError: the entry in `run.json` is not as this version writes it.
         """
         from learn.evaluation.deviation import ErrorModel
 
@@ -368,8 +367,8 @@ class Run:
             ) from error
 
     def velocity_deviation(self, vehicle: Vehicle) -> VelocityDeviation:
-        """Standard deviation of its velocity at a vehicle's usual speed, as validation showed it;
-        errors as `error_model`."""
+        """Standard deviation of the velocity estimate at a vehicle's usual speed, from validation;
+        errors as in `error_model`."""
         from twin.navigation.estimators.base import VelocityDeviation
         from twin.navigation.estimators.flight import usual_speed
 
@@ -377,7 +376,7 @@ class Run:
         return VelocityDeviation(scale=deviation / usual_speed(vehicle), noise=deviation)
 
     def remember(self, **entries: object) -> Run:
-        """This run with more in its `run.json`."""
+        """Add entries to `run.json`; returns the run with them."""
         description = {**self.description, **entries}
         write_description(self.folder, description)
         return Run(self.folder, description)
@@ -389,14 +388,14 @@ def stem(folder: Path, target: str, member: int) -> Path:
 
 
 def open_run(path: str | Path) -> Run:
-    """A finished run by its folder, or by its name in `runs/`.
+    """Open a finished run by its folder, or by its name in `runs/`.
 
     Args:
       path: the folder or the name.
 
     Raises:
-      InputError: there is no such folder, or it is not a run.
-      StoreError: it is unfinished, damaged or of another version.
+      InputError: there is no such folder, or the folder holds no run.
+      StoreError: the run is unfinished, damaged or of another version.
     """
     folder = Path(path)
     if not folder.exists() and (RUNS / folder).is_dir():
@@ -411,7 +410,7 @@ def open_run(path: str | Path) -> Run:
 
 
 def read_description(folder: Path) -> dict[str, Any]:
-    """`run.json` of a folder, finished or not; errors as `open_run`."""
+    """Read `run.json` of a finished or unfinished run; errors as in `open_run`."""
     path = folder / DESCRIPTION
     if not path.is_file():
         from twin.records.presence import is_complete  # numpy, which help texts do without
@@ -443,20 +442,20 @@ def read_description(folder: Path) -> dict[str, Any]:
 
 
 def _need(figures: Any, names: Iterable[str], path: Path, remedy: str) -> None:
-    """Refuse an object of a JSON file that lacks one of these entries."""
+    """Raise StoreError if an object of a JSON file lacks one of these entries."""
     for name in names:
         if not isinstance(figures, Mapping) or name not in figures:
             raise StoreError(f"{path} is damaged: it has no {name!r}; {remedy}")
 
 
 def _whole_lines(path: Path) -> list[str]:
-    """Lines of a text file that end; blank ones left out."""
+    """Lines of a text file, without blank lines and without an unfinished last line."""
     text = path.read_text(encoding="utf-8", errors="replace")
     return [line for line in text[: text.rfind("\n") + 1].splitlines() if line]
 
 
 def repair_metrics(folder: Path) -> None:
-    """Take out a last line that a kill halved, so that the next one starts a line of its own."""
+    """Remove an unfinished last line that a kill left, so that the next entry starts a new line."""
     path = folder / METRICS
     if path.is_file() and not path.read_bytes().endswith(b"\n"):
         lines = _whole_lines(path)
@@ -465,7 +464,7 @@ def repair_metrics(folder: Path) -> None:
 
 
 def _example() -> str:
-    """The newest run's folder, or a word for it."""
+    """Folder of the newest run, or the word RUN, for an example in an error."""
     try:
         return str(newest_run().folder)
     except InputError:
@@ -480,13 +479,13 @@ def write_description(folder: Path, description: Mapping[str, Any]) -> None:
 
 
 def newest_run(root: Path = RUNS) -> Run:
-    """The finished run that was started last.
+    """Open the finished run that was started last.
 
     Args:
       root: folder of the runs.
 
     Raises:
-      InputError: there is none.
+      InputError: there is no finished run.
     """
     found = []
     for path in root.glob(f"[!.]*/{DESCRIPTION}"):
@@ -500,14 +499,14 @@ def newest_run(root: Path = RUNS) -> Run:
 
 
 LONGEST_NAME = 100
-"""Characters of a run's name: files beside its folder have it in their names"""
+"""Bytes that a run's name may have: names of files next to the run's folder contain it"""
 
 
 def checked_name(name: str) -> str:
-    """A name that the folder of a run in `runs/` may have.
+    """Check a name for a run's folder in `runs/`; returns the name.
 
     Raises:
-      InputError: it is empty, a path, hidden, too long, or has characters that do not print.
+      InputError: the name is empty, a path, hidden, too long, or not printable.
     """
     plain = name.strip() and Path(name).name == name and not name.startswith(".")
     if not plain or not name.isprintable() or len(name.encode()) > LONGEST_NAME:
@@ -519,7 +518,7 @@ def checked_name(name: str) -> str:
 
 
 def free_name(root: Path = RUNS) -> str:
-    """A name that no run has yet: the date and a number."""
+    """Unused name for a run: the date and a number."""
     day = datetime.date.today().isoformat()
     number = 1
     while (root / f"{day}-{number}").exists():
@@ -528,12 +527,12 @@ def free_name(root: Path = RUNS) -> str:
 
 
 def now() -> str:
-    """Time of day in UTC, ISO 8601."""
+    """Present date and time in UTC, ISO 8601."""
     return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
 
 
 def versions() -> dict[str, str]:
-    """What can change a bit of a result."""
+    """Versions of all software that can change a bit of a result."""
     import numpy
     import torch
 

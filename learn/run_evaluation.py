@@ -1,4 +1,4 @@
-"""Run evaluation: the networks of a run on the missions of a store."""
+"""Run evaluation: evaluate a run's networks on the missions of a store."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def evaluate_run(
     limit: int | None = None,
     watches: Sequence[Watch] = (),
 ) -> RunEvaluation:
-    """Evaluate a run on a store, with the missions that a page draws; errors as `evaluate`.
+    """Evaluate a run on a store and keep the missions that a page draws; errors as in `evaluate`.
 
-    Of a store of logs none are drawn, since the true tracks are unknown, and `limit` does not hold.
+    Logs have no true tracks: none of them are kept, and `limit` has no effect.
     """
     logged = is_log_store(store)
     with MissionStore(store) as reader:
@@ -74,10 +74,10 @@ def evaluate_run(
 
 
 def evaluate_own(run: Run, *, split: str, limit: int | None = None) -> RunEvaluation:
-    """A run on all stores that it was trained on; errors as `evaluate`.
+    """Evaluate a run on all stores that it was trained on; errors as in `evaluate`.
 
-    Of several, the figures are over the missions of all; `stores` has those of each by its path,
-    and the missions that are shown are the first store's.
+    The figures are over the missions of all stores; if there are several, `stores` has each one's
+    by its path. The missions to draw are the first store's.
     """
     each = [evaluate_run(run, store, split=split, limit=limit) for store in run.stores]
     if len(each) == 1:
@@ -89,7 +89,7 @@ def evaluate_own(run: Run, *, split: str, limit: int | None = None) -> RunEvalua
 
 
 def judge(run: Run, split: str, watch: Watch | None = None, limit: int | None = None) -> Evaluation:
-    """The networks of a run alone, without baselines, on all stores that it was trained on."""
+    """Evaluate a run's networks without baselines on all stores that it was trained on."""
     return pooled(
         [
             evaluate(
@@ -102,25 +102,25 @@ def judge(run: Run, split: str, watch: Watch | None = None, limit: int | None = 
 
 
 class Hulls:
-    """How far the hulls of missions are outside of the training's; its `add` is a watch."""
+    """Out-of-distribution scores of missions' hulls; pass `add` to `evaluate` as a watch."""
 
     def __init__(self, familiar: Familiarity, flight: FlightFilter) -> None:
         self._familiar, self._flight = familiar, flight
         self._found: list[tuple[float, str]] = []
 
     def add(self, reference: Any, estimates: Mapping[str, Estimate]) -> None:
-        """See one mission."""
-        self._found.append(self._told(reference.mission))
+        """Score one mission."""
+        self._found.append(self._score(reference.mission))
 
     def outside(self, mission: MissionSequence) -> float:
-        """Of one mission, as `Familiarity.outside`."""
-        return self._told(mission)[0]
+        """Out-of-distribution score of one mission, see `Familiarity.outside`."""
+        return self._score(mission)[0]
 
-    def _told(self, mission: MissionSequence) -> tuple[float, str]:
+    def _score(self, mission: MissionSequence) -> tuple[float, str]:
         return self._familiar.outside(np.array(ended(self._flight, mission)))
 
     def figures(self) -> dict[str, Any]:
-        """Share of missions outside, the median figure, and the constant that most often is it."""
+        """Share of scores above 1, median score, and the constant that sets most of the scores."""
         far = np.array([one for one, _ in self._found])
         names = [name for _, name in self._found]
         return {
@@ -131,7 +131,7 @@ class Hulls:
 
 
 def _hulls(run: Run, vehicle: Vehicle) -> Hulls | None:
-    """None for networks that do not read the flight filter."""
+    """Scores of hulls; None if the networks do not read the flight filter."""
     familiar = run.familiar
     if familiar is None:
         return None
@@ -139,7 +139,7 @@ def _hulls(run: Run, vehicle: Vehicle) -> Hulls | None:
 
 
 def _consistency(run: Run, store: str | StorePath) -> FixConsistency | None:
-    """None for a store that does not say where its missions are."""
+    """Consistency check at GPS fixes; None if the store lacks its missions' latitudes."""
     with MissionStore(store) as reader:
         if START_LATITUDE not in reader.dataset:
             return None
@@ -149,15 +149,15 @@ def _consistency(run: Run, store: str | StorePath) -> FixConsistency | None:
 
 
 def is_log_store(store: str | StorePath) -> bool:
-    """Whether it holds real logs."""
+    """True if a store holds real logs."""
     with MissionStore(store) as reader:
         return reader.logged
 
 
 def evaluation_split(run: Run) -> tuple[str, str]:
-    """The split to evaluate on, and the one to learn the size of errors from.
+    """Choose the split to evaluate on, and the split to fit the error model on.
 
-    Test and validation missions; where a store has none, what comes nearest to unseen missions.
+    These are test and validation; if a store lacks one, the next best of validation and train.
     """
     if run.description["settings"]["division"] == "samples":
         return "all", "all"

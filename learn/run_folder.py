@@ -1,8 +1,8 @@
-"""Place: where a run is trained: under its name, or beside the run that it is to replace.
+"""Run folder: the folder in which a run is trained, its lock, and the replacement of an old run.
 
-A run that replaces another one is trained in `.NAME.fitting/NAME` beside it. It takes that place in
-one step when all its networks are trained; until then the old run is as it was. A start that ends
-before anything is trained leaves nothing.
+A run that replaces an old one is trained in `.NAME.fitting/NAME`, next to the old run. When all
+networks are trained, the new run replaces the old one in one step. A training that ends before its
+first checkpoint leaves no files.
 """
 
 from __future__ import annotations
@@ -20,28 +20,28 @@ from twin.records.storage.store_path import check_addresses
 from twin.records.storage.whole import whole_folder
 
 CHECKPOINT = ".checkpoint"
-"""Ending of the file from which a network's training goes on."""
+"""Ending of the file from which a network's training resumes."""
 WEIGHTS = ".safetensors"
 
 
 def training_folder(folder: Path, *, replace: bool) -> Path:
-    """Where the run of this folder is trained; raises InputError where it is an address."""
+    """Folder in which this run is trained; raises InputError if `folder` is a URL."""
     check_addresses(folder)
     return _outer(folder) / folder.name if replace else folder
 
 
 def resume_command(folder: Path) -> str:
-    """What goes on with a training.
+    """Command that resumes a training.
 
     Args:
-      folder: where it is trained.
+      folder: folder in which the run is trained.
     """
     replaces = " --overwrite" if folder.parent == _outer(folder.parent.parent / folder.name) else ""
     return f"`learn fit --name {quoted(folder.name)}{replaces} --resume`"
 
 
 def is_run(folder: Path) -> bool:
-    """Whether a folder holds a run, finished or not."""
+    """True if a folder holds a finished or unfinished run."""
     return (folder / DESCRIPTION).is_file()
 
 
@@ -50,15 +50,15 @@ def _outer(folder: Path) -> Path:
 
 
 class RunFolder:
-    """A context in which a run is trained; `folder` is where.
+    """Context manager that locks and prepares the folder in which a run is trained.
 
     Args:
-      target: folder of the run when it is complete.
-      replace: an old run may be there.
-      fresh: forget what an earlier training left in `folder`.
+      target: folder of the finished run.
+      replace: replace an old run in `target`, if there is one.
+      fresh: with `replace`, delete what an earlier training left in `folder`.
 
     Raises:
-      InputError: another process trains there.
+      InputError: another process trains in this folder.
     """
 
     def __init__(self, target: Path, *, replace: bool, fresh: bool) -> None:
@@ -78,7 +78,7 @@ class RunFolder:
         if self.fresh and self._replace:
             for path in self.folder.iterdir():
                 shutil.rmtree(path) if path.is_dir() else path.unlink()
-        # the list of a run that was complete: what follows changes files
+        # checksums of an earlier complete run: the training changes the files
         (self.folder / LIST).unlink(missing_ok=True)
         return self
 
@@ -89,19 +89,19 @@ class RunFolder:
 
     @property
     def trained(self) -> bool:
-        """Whether it holds anything that took training."""
+        """True if the folder holds a checkpoint or trained weights."""
         return any(any(self.folder.glob(f"*{ending}")) for ending in (CHECKPOINT, WEIGHTS))
 
     def complete(self) -> None:
-        """Give the trained run its name; returns when it is on the disk.
+        """Move the trained run to `target`; returns when all files are on the disk.
 
         Raises:
-          WriteError, OSError: the disk refuses; what is trained stays in `folder`.
+          WriteError, OSError: the disk refuses; the trained run stays in `folder`.
         """
         if not self._replace:
             sync_tree(self.folder)
             return
-        # a copy: whatever ends this command now, the next one can do it again
+        # copied, not moved: if this command is killed now, the next one can repeat this step
         with whole_folder(self.target, overwrite=True, ours=is_run) as whole:
             shutil.copytree(self.folder, whole, dirs_exist_ok=True)
         self._remove()
@@ -115,7 +115,7 @@ class RunFolder:
                 self.folder.parent.rmdir()
 
     def outcome(self) -> str:
-        """What an interrupted training leaves, in words."""
+        """Sentence on the files that an interrupted training leaves."""
         if self.trained:
             return (
                 f"what is trained so far is in {self.folder}; {resume_command(self.folder)} goes "

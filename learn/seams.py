@@ -1,6 +1,6 @@
-"""Seams: the kinds of one sort, a row each: by what name they are known and where they lie.
+"""Seams: registries of the extension points of `learn`, which are networks and optimisers.
 
-Here are those of networks and optimisers. No torch is imported before one is looked up.
+A registry maps a name to the module and class that it imports on first use, so torch loads late.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ NETWORKS: Registry[Any] = Registry(
     words=("summary",),
     check_shipped=False,
 )
-"""Networks that can be trained."""
+"""Network types by name."""
 
 OPTIMISERS: Registry[Any] = Registry(
     "optimiser",
@@ -44,4 +44,4 @@ OPTIMISERS: Registry[Any] = Registry(
     words=("summary",),
     check_shipped=False,
 )
-"""Ways to train them."""
+"""Optimisers of the training by name."""

@@ -1,4 +1,4 @@
-"""The picture and the table of seams of the page on the architecture.
+"""Picture and table of extension points for the documentation's page on the architecture.
 
 `python scripts/architecture.py` writes docs/project/architecture.png. A test compares the table
 with docs/project/architecture.md.
@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 WHITE, INK = "#ffffff", "#1d2733"
 BANDS = {"twin": "#e3eef9", "factory": "#e6f4e8", "learn": "#fbeedd"}
 WIDTH, HEIGHT, STEP = 1.72, 0.52, 2.08
-"""Of the boxes, and from column to column."""
+"""Width and height of a box, and distance of columns"""
 ROWS = {"twin": (6.2, 5.3, 4.4), "factory": (3.0,), "learn": (1.6,)}
 BANDS_Y = {"twin": (4.2, 7.1), "factory": (2.8, 3.95), "learn": (1.4, 2.55)}
 
@@ -43,35 +43,35 @@ BOXES = {
     "evaluation": ("evaluation", "errors by method", "learn", 2, 0),
     "report": ("report", "page, model card", "learn", 3, 0),
 }
-"""Name: what stands in the box, its package, its column and its row."""
+"""Boxes by name: text, package, column and row"""
 FLOWS = (
     ("mission", "physics"), ("physics", "sensors"), ("sensors", "navigation"),
     ("fossen", "checks"), ("recipe", "generation"), ("data", "networks"),
     ("networks", "evaluation"), ("evaluation", "report"),
 )  # fmt: skip
-"""The way of the data from box to box. Both ways of `records` follow."""
+"""Data flow from box to box, with both branches of `records`"""
 INTO_RECORDS = ("navigation", "generation", "importing")
 OUT_OF_RECORDS = ("identify", "pictures", "exporting", "data")
 
 
 @dataclasses.dataclass(frozen=True)
 class Seam:
-    """Where kinds of one sort go."""
+    """Extension point: a registry that others can add classes or objects to."""
 
     what: str
     folder: str
     base: str
-    """public class that a kind is derived from, or an object of"""
+    """Public class of which an entry is a subclass or an instance"""
     group: str
-    """of entry points"""
+    """Group of entry points"""
     page: str
-    """page and anchor in docs/"""
+    """Page and anchor in docs/"""
     kinds: tuple[Any, ...]
-    """shipped: classes, functions or objects"""
+    """Shipped classes, functions or objects"""
 
 
 def seams() -> tuple[Seam, ...]:
-    """Every seam of the packages' tables."""
+    """List all extension points of the packages."""
     tables = [vars(module).values() for module in (twin.seams, factory.seams, learn.seams)]
     return tuple(
         Seam(one.noun, one.folder, one.base, one.group, one.page,
@@ -81,7 +81,7 @@ def seams() -> tuple[Seam, ...]:
 
 
 def seam_table() -> str:
-    """Every seam as a markdown table."""
+    """Format all extension points as a Markdown table."""
     rows = [
         "| a new | goes into | derives from | entry points | example |",
         "|---|---|---|---|---|",
@@ -96,7 +96,7 @@ def seam_table() -> str:
 
 
 def draw(path: Path) -> None:
-    """Write the picture."""
+    """Draw the picture into a file."""
     from matplotlib.figure import Figure
     from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 

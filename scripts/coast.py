@@ -1,10 +1,10 @@
-"""Makes `twin/show/figures/coast.npz`, the coast that maps draw, from the world's land as TopoJSON.
+"""Coast file `twin/show/figures/coast.npz` for maps, made from the world's land as TopoJSON.
 
     python scripts/coast.py land-50m.json
 
 `land-50m.json` is part of world-atlas 2.0.2 (npm), which holds Natural Earth 4.1.0, 1:50m land;
-`twin/show/figures/coast.md` states source and licence. Nothing is simplified: the integer grid
-(0.0036 degree of longitude, 0.0017 of latitude) is kept, as steps from point to point.
+`twin/show/figures/coast.md` states source and licence. Nothing is simplified: the file keeps the
+integer grid (0.0036 degree of longitude, 0.0017 of latitude) as steps from point to point.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ OUT = Path(__file__).resolve().parents[1] / "twin" / "show" / "figures" / "coast
 
 
 def rings(topology: dict) -> list[np.ndarray]:
-    """The closed rings of the land on the file's integer grid, each (points, 2): x, y."""
+    """Closed rings of the land on the file's integer grid, each (points, 2): x, y."""
     arcs = [np.cumsum(np.array(arc, np.int64), axis=0) for arc in topology["arcs"]]
 
     def join(indices: list[int]) -> np.ndarray:
@@ -31,7 +31,7 @@ def rings(topology: dict) -> list[np.ndarray]:
 
 
 def main(source: Path) -> int:
-    """Write the file; says how large it is."""
+    """Write the file and print its size."""
     topology = json.loads(source.read_text())
     found = rings(topology)
     starts = np.array([ring[0] for ring in found], np.int32)

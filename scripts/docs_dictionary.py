@@ -1,7 +1,7 @@
-"""The data dictionary: a page with every variable that a store or a file of ours can hold.
+"""Data dictionary: a page with every variable of the project's stores and files.
 
-All of it is read from the tables that the variables are written by: the schema, the parts of the
-shipped vehicles, the table of parameters, the sensors, what imports and `twin flight` add.
+The page is made from the tables that define the variables: the schema, the parts of the shipped
+vehicles, the parameters, the sensors, and the variables of imports and of `twin flight`.
 """
 
 from __future__ import annotations
@@ -111,18 +111,18 @@ DRAWN = {
     "water": "Of the water column.",
     "floor": "Of the sea floor, for vehicles with a propeller.",
 }
-"""What the groups of parameters are, by the prefix of their names"""
+"""Descriptions of the parameter groups, by the prefix of their names"""
 STORED_UNITS = {"rad": "degree", "rad/s": "rad s-1"}
-"""Units of parts as stores have them, where code has others"""
+"""Units of parts in stores, where they differ from the code's"""
 COLUMNS = ("variable", "dimensions", "unit", "meaning")
-"""Of tables of what is no signal"""
+"""Columns of the tables of variables that are no signals"""
 FROM_DRAWS = ("variable", "dimensions", "unit", "meaning", "vehicles")
 OF_MISSION, OF_SAMPLE = f"({MISSION})", f"({MISSION}, {TIME})"
 OF_SEGMENT, OF_DAC = f"({MISSION}, {SEGMENT})", f"({DAC})"
 
 
 def dictionary_page() -> str:
-    """Markdown of the page."""
+    """Make the page in Markdown."""
     vehicles = {name: load_vehicle(name) for name in sorted(shipped_files())}
     return "\n".join([
         INTRODUCTION + place_section(), SIGNALS, *map(signal_section, GROUPS),
@@ -132,13 +132,13 @@ def dictionary_page() -> str:
 
 
 def row(name: str, dimensions: str, attributes: Mapping[str, Any]) -> tuple[str, ...]:
-    """One variable that is no signal, as its attributes have it."""
+    """Table row of a variable that is no signal, from its attributes."""
     unit = "flag" if "flag_meanings" in attributes else str(attributes.get("units", ""))
     return (f"`{name}`", dimensions, unit, meaning(attributes))
 
 
 def meaning(attributes: Mapping[str, Any]) -> str:
-    """What a variable is: its long name, comment, words of its flags, name of CF."""
+    """Meaning of a variable: long name, comment, flag words and CF name."""
     text = str(attributes["long_name"])
     if "comment" in attributes:
         text += f"; {attributes['comment']}"
@@ -155,7 +155,7 @@ def meaning(attributes: Mapping[str, Any]) -> str:
 
 
 def place_section() -> str:
-    """Axes of a store, where and when its missions and samples are."""
+    """Section on the axes of a store, and on times and places of missions and samples."""
     rows = [
         row(MISSION, OF_MISSION, AXES[MISSION]),
         row(TIME, f"({TIME})", AXES[TIME]),
@@ -174,7 +174,7 @@ def place_section() -> str:
 
 
 def signal_section(prefix: str) -> str:
-    """The signals of one group of the schema."""
+    """Section on the signals of one group of the schema."""
     title, comment = GROUPS[prefix]
     rows = [
         (f"`{name}`", one.units, meaning(described(one)), frame(name), limits(name), present(name))
@@ -186,16 +186,16 @@ def signal_section(prefix: str) -> str:
 
 
 OWN = frozenset(entry.name for entry in schema.SIGNALS)
-"""Names of the schema's own table, without what kinds of somebody's own have declared"""
+"""Names in the schema's own table, without those that plugins declare"""
 
 
 def described(entry: Variable) -> dict[str, Any]:
-    """What a signal is, without empty texts."""
+    """Description of a signal, without empty texts."""
     return {key: value for key, value in entry.attributes().items() if value}
 
 
 def frame(name: str) -> str:
-    """Axes of a signal; empty for one without."""
+    """Axes of a signal; empty for a signal without axes."""
     for title, pattern in (("body", BODY), ("attitude", ATTITUDE), ("NED", EARTH)):
         if pattern.search(name):
             return title
@@ -203,7 +203,7 @@ def frame(name: str) -> str:
 
 
 def limits(name: str) -> str:
-    """Lowest and highest value, in any store and in a simulated one."""
+    """Lowest and highest value of a signal in any store, and in a simulated one."""
     recorded, simulated = (
         f"±{high:g}".replace("e+0", "e") if low == -high else f"{low:g} to {high:g}"
         for low, high in (recorded_limits(name), simulated_limits(name))
@@ -212,7 +212,7 @@ def limits(name: str) -> str:
 
 
 def present(name: str) -> str:
-    """Which stores hold a signal."""
+    """Kinds of stores that hold a signal."""
     sets = (("logs", schema.LOGGED_ONLY), ("CTD", schema.HYDROGRAPHY),
             ("sea floor", schema.WITH_FLOOR))  # fmt: skip
     word = next((word for word, names in sets if name in names), "all")
@@ -220,7 +220,7 @@ def present(name: str) -> str:
 
 
 def part_section(vehicles: Mapping[str, Vehicle]) -> str:
-    """What the parts of vehicles give, by kind and of each shipped vehicle."""
+    """Section on the channels of vehicle parts, by kind and by shipped vehicle."""
     kinds = [
         (f"`{kind}`", STORED_UNITS.get(PARTS[kind].unit, PARTS[kind].unit))
         for kind in PARTS.shipped()
@@ -249,7 +249,7 @@ def part_section(vehicles: Mapping[str, Vehicle]) -> str:
 
 
 def whose(names: Iterable[str], vehicles: Mapping[str, Vehicle]) -> str:
-    """Which of the shipped vehicles these are."""
+    """Text that lists shipped vehicles."""
     found = set(names)
     driven = {name for name, vehicle in vehicles.items() if propelled(vehicle)}
     for word, those in (
@@ -264,7 +264,7 @@ def whose(names: Iterable[str], vehicles: Mapping[str, Vehicle]) -> str:
 
 
 def mission_section() -> str:
-    """What a store has one of for each mission, each failure and each sample, beside signals."""
+    """Section on the variables of each mission, failure and sample that are no signals."""
     rows = [
         row(N_SAMPLES, OF_MISSION, OF_MISSIONS[N_SAMPLES]),
         row(DURATION, OF_MISSION, OF_MISSIONS[DURATION]),
@@ -282,7 +282,7 @@ def mission_section() -> str:
 
 
 def draw_section(vehicles: Mapping[str, Vehicle]) -> str:
-    """Every parameter that `factory generate` draws, by group."""
+    """Section on the parameters that `factory generate` samples, by group."""
     by_name: dict[str, dict[str, Parameter]] = {}
     for name, vehicle in vehicles.items():
         for parameter in parameter_table(vehicle).values():
@@ -315,7 +315,7 @@ def draw_section(vehicles: Mapping[str, Vehicle]) -> str:
 
 
 def _is_word(parameter: Parameter) -> bool:
-    """Whether one of several words is drawn, whose positions stores keep."""
+    """Whether a parameter is a choice of words, stored as their index."""
     texts = (parameter.paper, parameter.field)
     drawn = [parse_distribution(text, parameter.name) for text in texts]
     options = [option for one in drawn if isinstance(one, Choice) for option in one.options]
@@ -323,7 +323,7 @@ def _is_word(parameter: Parameter) -> bool:
 
 
 def sensor_section() -> str:
-    """The constants that sensors draw for a mission."""
+    """Section on the constants that sensors sample for a mission."""
     rows = [
         (*row(SENSOR_PREFIX + name, OF_MISSION, constant_attributes(name, drawn)), f"`{sensor}`")
         for sensor in SENSORS.shipped()
@@ -341,7 +341,7 @@ def sensor_section() -> str:
 
 
 def import_section() -> str:
-    """What a store of logs has beside signals, and the payload that is known by name."""
+    """Section on the further variables of a store of logs, and the payload known by name."""
     rows = [
         *(row(n, f"({n})" if n == TIME else OF_MISSION, said) for n, said in OF_ROWS.items()),
         *(_of(name, OF_MISSION, (*about, None)) for name, about in NUMBERS.items()),
@@ -362,7 +362,7 @@ def import_section() -> str:
 
 
 def flight_section() -> str:
-    """Variables of a file of `twin flight`."""
+    """Section on the variables of a file of `twin flight`."""
     flown = [_of(name, OF_SAMPLE, about) for name, about in FLOWN.items()]
     copied = [
         row(name, OF_SAMPLE, described(schema.VARIABLES[stored])) for stored, name in COPIED.items()
@@ -386,7 +386,7 @@ def flight_section() -> str:
 
 
 def _of(name: str, dimensions: str, about: tuple[str, str, str | None]) -> tuple[str, ...]:
-    """A row of a unit, a meaning and a standard name of CF."""
+    """Table row from a unit, a meaning and a CF standard name."""
     units, long_name, standard = about
     said = {"units": units, "long_name": long_name, "standard_name": standard}
     return row(name, dimensions, said)

@@ -1,4 +1,4 @@
-"""The examples for readers: the site's page with pictures and code, and examples/README.md.
+"""Pages on the examples: the site's page with pictures and code, and examples/README.md.
 
 `python scripts/docs_examples.py --write` writes the README; without it the README is compared.
 `--time` runs every example twice and prints the processor time of the second run.
@@ -31,7 +31,7 @@ SECONDS = {
     "virtual_mooring": 3.3,
     "train_depth_policy": 145.0,
 }
-"""Processor time [s] of each example, the second run: `python scripts/docs_examples.py --time`"""
+"""[s] Processor time of each example's second run, by `python scripts/docs_examples.py --time`"""
 
 INTRODUCTION = """\
 # Examples
@@ -61,25 +61,25 @@ but the last, which trains for minutes. `make docs` shows the code beside them. 
 
 
 def examples() -> list[Path]:
-    """The short ones by name, then those that take minutes."""
+    """List the examples: short ones by name, then those that take minutes."""
     return [*sorted(EXAMPLES.glob("*.py")), *sorted((EXAMPLES / "training").glob("*.py"))]
 
 
 def duration(path: Path) -> str:
-    """Processor time in words."""
+    """Processor time of an example as text."""
     seconds = SECONDS[path.stem]
     return f"{seconds:.0f} s" if seconds < 60.0 else f"{seconds / 60.0:.0f} min"
 
 
 def examples_page() -> str:
-    """Markdown of the page."""
+    """Make the site's page in Markdown."""
     cards = "\n".join(_card(path) for path in examples())
     grid = f'<div class="grid cards" markdown>\n\n{cards}\n</div>\n'
     return "\n".join([INTRODUCTION, grid, *(_section(path) for path in examples())])
 
 
 def readme() -> str:
-    """Markdown of examples/README.md: three pictures in a row."""
+    """Make examples/README.md in Markdown, with three pictures in a row."""
     cells = [
         f"[![{title(path)}](../docs/gallery/examples/{path.stem}.png)]({place(path)})"
         f"<br>[{title(path)}]({place(path)}), {duration(path)}: {parts(path)[0]}"
@@ -91,17 +91,17 @@ def readme() -> str:
 
 
 def place(path: Path) -> str:
-    """Of an example, from the folder of all."""
+    """Path of an example, relative to the folder of all."""
     return path.relative_to(EXAMPLES).as_posix()
 
 
 def title(path: Path) -> str:
-    """The name of an example in words."""
+    """Name of an example as words."""
     return path.stem.replace("_", " ").capitalize()
 
 
 def parts(path: Path) -> tuple[str, str, str]:
-    """First line of an example's docstring, the rest of it, and the code below."""
+    """First line of an example's docstring, its remaining lines, and the code below."""
     text = path.read_text(encoding="utf-8")
     tree = ast.parse(text)
     first, _, rest = (ast.get_docstring(tree) or "").partition("\n")
@@ -127,7 +127,7 @@ def _section(path: Path) -> str:
 
 
 def measured(path: Path) -> float:
-    """Processor time [s] of a second run, of all its processes and threads."""
+    """[s] Processor time of a second run, over all processes and threads."""
     import resource  # POSIX
 
     run = [sys.executable, str(path)]

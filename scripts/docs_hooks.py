@@ -32,16 +32,16 @@ COMMAND = re.compile(
 PYTHON = re.compile(r"^ {4}(import |from |# \w+\.py$|\w+ = )")
 TOML = re.compile(r"^ {4}(# \w+\.toml$|\[)")
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', flags=re.DOTALL)
-"""What pymdownx.arithmatex makes of `$...$` and `$$...$$`"""
+"""HTML that pymdownx.arithmatex makes of `$...$` and `$$...$$`"""
 
 
 def on_config(config: MkDocsConfig) -> None:
-    """No page 404.html: its links begin at a server's root, and the site opens from a folder."""
+    """Omit 404.html: its links start at a server's root, but the site opens from a folder."""
     config.theme.static_templates.discard("404.html")
 
 
 def on_pre_build(**_: Any) -> None:
-    """Warn of dead links of pages that the site does not hold: a warning ends a strict build."""
+    """Warn of dead links in pages outside the site; a warning fails a strict build."""
     log = logging.getLogger("mkdocs.hooks.docs")
     for page in repository_pages(ROOT):
         for link in dead_links(page):
@@ -49,19 +49,19 @@ def on_pre_build(**_: Any) -> None:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages that are made from the code."""
+    """Add the pages that are generated from the code."""
     for place, text in generated_pages().items():
         files.append(File.generated(config, place, content=text))
     return files
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """The page with a language on every code block, so that it is coloured."""
+    """Give every code block of the page a language, for syntax colours."""
     return with_languages(with_titles(markdown))
 
 
 def on_page_content(content: str, page: Page, **_: Any) -> str:
-    """The page with its formulas as MathML, which browsers set without a script."""
+    """Convert the page's formulas to MathML, which browsers show without a script."""
     try:
         return with_formulas(content)
     except LatexError as error:
@@ -69,7 +69,7 @@ def on_page_content(content: str, page: Page, **_: Any) -> str:
 
 
 def with_formulas(content: str) -> str:
-    """LaTeX as MathML; a LaTeX command that the converter does not know raises LatexError."""
+    """Convert LaTeX to MathML; LatexError for a command that the converter does not know."""
     converter = LatexToMathML(fancy_error=False)
 
     def formula(found: re.Match[str]) -> str:
@@ -85,13 +85,13 @@ def with_formulas(content: str) -> str:
 
 
 def with_titles(markdown: str) -> str:
-    """Fences that name a file get it as their title; words for the tests alone are left out."""
+    """Use a fence's file name as its title, and remove the words that only tests read."""
     named = re.sub(r"^```(\w+) file=(\S+)$", r'```\1 title="\2"', markdown, flags=re.MULTILINE)
     return re.sub(r"^```(\w+) (?!title=)[\w ]+$", r"```\1", named, flags=re.MULTILINE)
 
 
 def with_languages(markdown: str) -> str:
-    """Indented blocks as fences of the language that their first line is in."""
+    """Convert indented blocks to fences, with the language of their first line."""
     out: list[str] = []
     lines = markdown.split("\n")
     k, fenced = 0, False
@@ -112,7 +112,7 @@ def with_languages(markdown: str) -> str:
 
 
 def _begins(lines: list[str], k: int) -> bool:
-    """Whether an indented code block begins in line k, and not the text of a list."""
+    """Whether line k starts an indented code block, and not a list item's text."""
     if not lines[k].startswith("    ") or (k and lines[k - 1].strip()):
         return False
     before = next((row for row in reversed(lines[:k]) if row.strip()), "")

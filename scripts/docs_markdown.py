@@ -1,4 +1,4 @@
-"""Markdown: plain text and tables of made pages, and the dead links of any page."""
+"""Markdown helpers: plain text and tables of generated pages, and dead links of any page."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ HEADING = re.compile(r"^#{1,6} +(.+?) *#*$", re.MULTILINE)
 LINK = re.compile(
     r"\]\(\s*<?([^)\s>]+)|^\[[^\]]+\]:\s*(\S+)|\b(?:href|src)=\"([^\"]+)\"", re.MULTILINE
 )
-"""A link or picture in a line, one defined below the text, and one in HTML"""
+"""Patterns of a link or picture in a line, a link defined below the text, and one in HTML"""
 
 
 def escaped(text: str) -> str:
-    """Plain text as Markdown shows it unchanged; what stands in backticks is left alone."""
+    """Escape plain text for Markdown, except for text in backticks."""
     parts = text.split("`")
     for k in range(0, len(parts), 2):
         parts[k] = re.sub(r"([*_\[\]|])", r"\\\1", parts[k].replace("<", "&lt;"))
@@ -23,13 +23,13 @@ def escaped(text: str) -> str:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table; its cells are Markdown already."""
+    """Make a table; cells are Markdown."""
     lines = [head, ["---"] * len(head), *rows]
     return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)
 
 
 def anchors(text: str) -> set[str]:
-    """Of the headings of a page, as a forge makes them."""
+    """Anchors of a page's headings, as a forge makes them."""
     found: dict[str, int] = {}
     for heading in HEADING.findall(re.sub(r"^(```+).*?^\1$", "", text, flags=re.M | re.S)):
         words = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", heading)
@@ -41,7 +41,7 @@ def anchors(text: str) -> set[str]:
 
 
 def dead_links(page: Path) -> list[str]:
-    """Links of a page of the repository that lead to no file or to no heading beside it."""
+    """Links of a repository page to missing files or headings."""
     dead = []
     for link in ("".join(one) for one in LINK.findall(CODE.sub("", page.read_text("utf-8")))):
         if re.match(r"[a-z+]+:|//", link):
@@ -56,7 +56,7 @@ def dead_links(page: Path) -> list[str]:
 
 
 def repository_pages(root: Path) -> list[Path]:
-    """The pages beside docs/: what a forge shows and no site builds."""
+    """Pages outside docs/, which a forge shows and no site builds."""
     folders = ("examples", "packaging", "paper")
     beside = (page for folder in folders for page in sorted((root / folder).rglob("*.md")))
     return [*sorted(root.glob("*.md")), *beside]

@@ -1,8 +1,8 @@
-"""Pages of the documentation that are made from the code: commands, Python names.
+"""Reference pages of the documentation, generated from the code: commands and Python names.
 
-`python scripts/docs_reference.py` prints the names of the pages; mkdocs makes them by
-scripts/docs_hooks.py and tests compare them with the programs. The data dictionary is made by
-scripts/docs_dictionary.py.
+`python scripts/docs_reference.py` prints the names of the pages. mkdocs makes them by
+scripts/docs_hooks.py, and tests compare them with the programs. scripts/docs_dictionary.py makes
+the data dictionary.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from twin.cli.program import Program, ProgramCommand  # noqa: E402
 
 PROGRAMS = ("twin", "factory", "learn")
 FACES = {"twin": "twin", "control": "twin.control", "factory": "factory", "learn": "learn"}
-"""Page and package of each public face"""
+"""Page and package of each public interface"""
 AREAS = {
     "twin.facade": "Simulate",
     "twin.physics": "Simulate",
@@ -58,11 +58,11 @@ AREAS = {
     "learn.training.fit_config": "Train and judge",
     "learn": "Kinds of your own",
 }
-"""Heading of a name by where it is defined: the first place that fits"""
+"""Headings of names, by the module that defines them; the first match counts"""
 
 
 def generated_pages() -> dict[str, str]:
-    """Markdown of every generated page by its place in docs/."""
+    """Make every generated page: Markdown by its path in docs/."""
     pages = {f"reference/commands/{name}.md": command_page(name) for name in PROGRAMS}
     pages |= {f"reference/python/{page}.md": python_page(face) for page, face in FACES.items()}
     pages["reference/signals.md"] = dictionary_page()
@@ -76,13 +76,13 @@ def generated_pages() -> dict[str, str]:
 
 
 def program(name: str) -> Program:
-    """The program of that name."""
+    """Return the program of that name."""
     found: Program = importlib.import_module(f"{name}.__main__").PROGRAM
     return found
 
 
 def command_page(name: str) -> str:
-    """Every command of a program with all its options, from the parsers that read them."""
+    """Make the page of a program's commands with all options, from their parsers."""
     found = program(name)
     listing = "\n".join(
         f"| [`{name} {one.name}`](#{name}-{one.name}) | {escaped(one.summary)} |"
@@ -98,7 +98,7 @@ def command_page(name: str) -> str:
 
 
 def command_section(name: str, command: ProgramCommand) -> str:
-    """Description, usage and options of one command."""
+    """Section with description, usage and options of one command."""
     parser = parser_of(name, command)
     actions = [action for action in parser._actions if action.dest != "help"]
     words = [word for action in actions if (word := _usage_word(action))]
@@ -112,13 +112,13 @@ def command_section(name: str, command: ProgramCommand) -> str:
 
 
 def parser_of(name: str, command: ProgramCommand) -> argparse.ArgumentParser:
-    """The parser of a command, as its `--help` shows it."""
+    """Parser of a command, as its `--help` shows it."""
     import tyro
 
     from twin.cli.parsing import MARKERS, description
 
     form = command.load()
-    with warnings.catch_warnings():  # tyro's own texts have no list of options
+    with warnings.catch_warnings():  # tyro's own help texts have no list of options
         warnings.simplefilter("ignore", DeprecationWarning)
         prog = f"{name} {command.name}"
         return tyro.extras.get_parser(
@@ -127,7 +127,7 @@ def parser_of(name: str, command: ProgramCommand) -> argparse.ArgumentParser:
 
 
 def option(action: argparse.Action) -> str:
-    """One option as an entry of a definition list."""
+    """Entry of one option in a definition list."""
     text = " ".join((action.help or "").split())
     default = ""
     found = re.search(r" ?\((default: .*|required|optional|repeatable|fixed.*)\)$", text)
@@ -149,7 +149,7 @@ def _values(action: argparse.Action) -> str:
     metavar = action.metavar
     if isinstance(metavar, tuple):
         metavar = " ".join(metavar)
-    if not action.option_strings:  # its name says more than its type
+    if not action.option_strings:  # a positional's name says more than its type
         return (
             (metavar or "").replace("STR", action.dest.upper()).replace("PATH", action.dest.upper())
         )
@@ -164,7 +164,7 @@ def _usage_word(action: argparse.Action) -> str:
 
 
 def linked(text: str) -> str:
-    """The text with pages that it names as links, from a page in reference/commands/."""
+    """Turn the pages that a text names into links, from a page in reference/commands/."""
 
     def link(found: re.Match[str]) -> str:
         name = found[2].replace("\\", "")
@@ -177,7 +177,7 @@ def linked(text: str) -> str:
 
 
 def python_page(face: str) -> str:
-    """Every public name of a package, by what it is for."""
+    """Make the page of a package's public names, grouped by purpose."""
     module = importlib.import_module(face)
     text = (module.__doc__ or "").strip()
     summary, _, example = text.partition("\n\n")
@@ -191,7 +191,7 @@ def python_page(face: str) -> str:
 
 
 def public_names(face: str) -> dict[str, str]:
-    """Dotted place by public name of a package."""
+    """Public names of a package, with the dotted path of each."""
     module = importlib.import_module(face)
     places: Mapping[str, str] = module._PLACES
     return {
@@ -203,7 +203,7 @@ def public_names(face: str) -> dict[str, str]:
 
 
 def area(place: str) -> str:
-    """Heading under which a name stands."""
+    """Heading under which a name is listed."""
     return next(
         title for part, title in AREAS.items() if place == part or place.startswith(f"{part}.")
     )
@@ -217,7 +217,7 @@ def _directive(face: str, name: str, place: str) -> str:
 
 
 def root_page(name: str) -> str:
-    """A page of the repository's root, with links as the site has them."""
+    """Page of the repository's root, with links that work on the site."""
     text = (ROOT / f"{name}.md").read_text(encoding="utf-8")
     return text.replace("](docs/", "](../")
 

@@ -1,9 +1,9 @@
-"""Tables of docs/results/validation.md: published figures beside what both models compute.
+"""Validation tables of docs/results/validation.md: published figures and both models' values.
 
     python scripts/docs_validation.py            # prints them
     python scripts/docs_validation.py --write    # puts them into the page
 
-A test compares the page with them.
+A test compares the page with these tables.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from twin.vehicle.steady_motion import Trim  # noqa: E402
 
 PAGE = ROOT / "docs" / "results" / "validation.md"
 OURS = "independent solution"
-"""How the source of a figure begins that nobody printed: equations of a paper, solved by us"""
+"""First words of a source for figures that we computed from a paper's equations"""
 UNITS = {"speed": "m/s", "turn_rate": "rad/s", "vertical_speed": "m/s"}
 DECIMALS = {"turn_rate": 5, "speed": 4, "vertical_speed": 4}
-"""Decimals shown, else 3: those of the finest print, and so few that no rounding noise shows"""
+"""Decimals shown, 3 by default: those of the finest print, without rounding noise"""
 HEAD = (
     "| vehicle, source | figure | {} | MuJoCo | Fossen | allowed difference |\n"
     "|---|---|---|---|---|---|\n"
@@ -32,7 +32,7 @@ HEAD = (
 
 
 def tables() -> dict[str, str]:
-    """Markdown by name: what others printed, and what we solved from printed equations."""
+    """Make the tables, Markdown by name: printed figures, and solutions of printed equations."""
     rows: dict[str, list[str]] = {"printed": [], "solved": []}
     found: dict[int, dict[str, Trim]] = {}
     motions: dict[int, PublishedMotion] = {}
@@ -46,7 +46,7 @@ def tables() -> dict[str, str]:
 
 
 def motion_rows(motion: PublishedMotion, trims: dict[str, Trim]) -> list[str]:
-    """A row for each figure of one motion; vehicle, source and settings stand in the first."""
+    """Table rows of one motion's figures; the first has vehicle, source and settings."""
     rows = []
     first = f"`{motion.vehicle}`, {motion.source}"
     if hasattr(motion, "net_mass"):  # what was held, where the source does not say it
@@ -73,12 +73,12 @@ def motion_rows(motion: PublishedMotion, trims: dict[str, Trim]) -> list[str]:
 
 
 def marked(name: str) -> re.Pattern[str]:
-    """Where a table stands in the page."""
+    """Pattern that finds a table in the page."""
     return re.compile(rf"(<!-- {name} -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 
 
 def written(page: str) -> str:
-    """The page with both tables as they are computed now."""
+    """Page with both tables replaced by the values computed now."""
     for name, table in tables().items():
         page = marked(name).sub(lambda found, table=table: f"{found[1]}\n{table}\n{found[3]}", page)
     return page

@@ -1,4 +1,4 @@
-"""Writes tests/slow.json, the seconds of each test file that takes long.
+"""Durations of slow test files, written to tests/slow.json.
 
     python -m pytest --junitxml report.xml
     python scripts/durations.py report.xml
@@ -17,11 +17,11 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 SLOW = ROOT / "tests" / "slow.json"
 FROM_S = 2.0
-"""[s] of a file's tests together, from which on it is slow"""
+"""[s] Total time of a file's tests from which the file is slow"""
 
 
 def seconds(report: Path) -> dict[str, float]:
-    """Seconds of each file of a report, the longest first.
+    """Seconds of each test file in a report, the longest first.
 
     Raises:
       ValueError: a test of the report is in no file of this tree.
@@ -30,7 +30,7 @@ def seconds(report: Path) -> dict[str, float]:
     for case in ElementTree.parse(report).iter("testcase"):
         parts = str(case.get("classname")).split(".")
         while parts and not (ROOT / "/".join(parts)).with_suffix(".py").is_file():
-            parts.pop()  # the name of a class
+            parts.pop()  # a class name
         if not parts:
             raise ValueError(f"{case.get('classname')} is in no file: run the suite of this tree")
         found["/".join(parts) + ".py"] += float(case.get("time", 0.0))

@@ -1,12 +1,12 @@
-"""Hashes: the values that the project makes, before a change of its structure and after it.
+"""Hashes of the project's results, for comparison before and after a refactoring.
 
     python scripts/hashes.py --write before.json
     python scripts/hashes.py --compare before.json    # 1 where a value differs; names each
     python scripts/hashes.py --only flights currents
 
-Flights of every vehicle by both engines, currents at a thousand points, a run that is generated and
-one that is killed and resumed, imports of every sample of a log, exports, an identified
-vehicle, and a short training of every network. An error is a value too: its text.
+Hashed are flights of every vehicle by both engines, currents at a thousand points, a generated run
+and one that is killed and resumed, imports in every layout, exports, an identified vehicle, and a
+short training of every network. An error is a result too: its text is hashed.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 Values = Iterator[tuple[str, Any]]
-"""Names, and what is hashed under each"""
+"""Names, and the value that is hashed under each"""
 SECONDS = 300.0
 MISSIONS: dict[str, dict[str, Any]] = {
     "still": {},
@@ -53,7 +53,7 @@ CURRENTS = (
 
 
 def digest(value: Any) -> str:
-    """Hash of arrays by name, of a data set, a file's bytes, or of what JSON can write."""
+    """Hash arrays by name, a data set, a file's bytes, or a value that JSON can write."""
     total = hashlib.sha256()
 
     def add(name: str, array: np.ndarray) -> None:
@@ -76,7 +76,7 @@ def digest(value: Any) -> str:
 
 
 def attempted(make: Callable[..., Any], *given: Any, **named: Any) -> Any:
-    """Return the result of a call, or the words of the error that refuses it."""
+    """Return the result of a call, or the text of the error that it raises."""
     from twin.errors import TwinError
 
     try:
@@ -86,7 +86,7 @@ def attempted(make: Callable[..., Any], *given: Any, **named: Any) -> Any:
 
 
 def flights() -> Values:
-    """Every shipped vehicle, by both engines."""
+    """Fly every shipped vehicle by both engines."""
     import twin
 
     for vehicle in twin.vehicle_names():
@@ -97,7 +97,7 @@ def flights() -> Values:
 
 
 def currents() -> Values:
-    """Each kind at a thousand points of time and space."""
+    """Sample each kind of current at a thousand points of time and space."""
     from twin.water.current import parse_current
 
     chance = np.random.default_rng(5)
@@ -108,7 +108,7 @@ def currents() -> Values:
 
 
 def runs() -> Values:
-    """A generated store; another that is interrupted and resumed must have the same values."""
+    """Generate a store; an interrupted and resumed store must have the same values."""
     import factory
     from factory.generation import generate
     from factory.sampling import make_recipe
@@ -131,7 +131,7 @@ def runs() -> Values:
 
 
 def imports() -> Values:
-    """Every layout of the samples."""
+    """Import a log in every layout of samples."""
     from factory import samples
     from factory.importing import import_logs
 
@@ -139,7 +139,7 @@ def imports() -> Values:
     for kind, layouts in samples.formats().items():
         for number, layout in enumerate(layouts):
             with tempfile.TemporaryDirectory() as folder:
-                logs = f"{folder}/logs"  # the name of some deployments
+                logs = f"{folder}/logs"  # some deployments are named after this folder
                 samples.write(kind, logs, flight, layout=layout)
                 given = samples.options(kind, logs, flight)
                 dataset, report = import_logs(kind, [logs], **given)
@@ -148,7 +148,7 @@ def imports() -> Values:
 
 
 def exports() -> Values:
-    """A flown store in every format that needs no other package."""
+    """Export a flown store in every format that needs no other package."""
     import factory
     from factory.exporting import EXPORTERS
 
@@ -163,7 +163,7 @@ def exports() -> Values:
 
 
 def _exported(path: Path, folder: str) -> Any:
-    """Read an exported file: the values of netCDF, a text without the folder's name."""
+    """Read an exported file: netCDF's values, or a text without the folder's name."""
     if path.suffix == ".xml":
         return path.read_text(encoding="utf-8").replace(folder, "")
     if path.suffix != ".nc":
@@ -173,7 +173,7 @@ def _exported(path: Path, folder: str) -> Any:
 
 
 def networks() -> Values:
-    """Two passes of training of each kind."""
+    """Train each kind of network for two passes."""
     import factory
     import learn
 
@@ -203,7 +203,7 @@ FAMILIES: dict[str, Callable[[], Values]] = {
 
 
 def made(only: Sequence[str]) -> dict[str, str]:
-    """Hash of each value of the families, by its name; printed as they come."""
+    """Hash each result of the families, by name; each hash is printed at once."""
     found = {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -215,7 +215,7 @@ def made(only: Sequence[str]) -> dict[str, str]:
 
 
 def main(given: Sequence[str] | None = None) -> int:
-    """The command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--write", type=Path, help="JSON file for the hashes")
     parser.add_argument("--compare", type=Path, help="JSON file that --write made")

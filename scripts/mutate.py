@@ -1,16 +1,15 @@
-"""Mutate: change the code on purpose, at places drawn by chance; count what no test notices.
+"""Mutation test: change the code at random places, and count the changes that no test notices.
 
-    python scripts/mutate.py --seed 5 --count 100      # goes on where it was stopped
+    python scripts/mutate.py --seed 5 --count 100      # continues an interrupted run
     python scripts/mutate.py --seed 5 --list           # the changes; none is run
     python scripts/mutate.py --seed 5 --only twin/water
 
 A place is a node of the syntax tree: a sign, an operator, a comparison, a constant, an index, or
-the order of two arguments. A change is made in a copy of the tree, where the tests of its area run
-until one fails: those beside the file in `tests/`, those elsewhere that import its module, and
-those that import a module which imports it. A
-change that takes longer than the tests without one by far is noticed too. What ran is kept in
-`build/mutants/SEED.jsonl`. Changes that no test can notice are in `EQUIVALENT`, each judged by
-hand. Exits with 1 when fewer than 80 % of the others are noticed.
+the order of two arguments. Each change is made in a copy of the tree, where tests run until one
+fails: the area's own tests in `tests/`, other tests that import its module, and tests that import a
+module which imports it. A change also counts as noticed if its tests take far longer than without
+it. Results are kept in `build/mutants/SEED.jsonl`. `EQUIVALENT` lists changes that no test can
+notice, each judged by hand. The exit code is 1 if fewer than 80 % of the others are noticed.
 """
 
 from __future__ import annotations
@@ -33,42 +32,42 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("twin", "factory", "learn")
 GOAL = 0.80
-"""Part of the changes that the tests must notice"""
+"""[1] Least fraction of changes that the tests must notice"""
 LONGEST_S = 600.0
-"""[s] The tests of one change; what takes longer hangs, and is noticed"""
+"""[s] Longest test run of one change; a longer run hangs, and counts as noticed"""
 FRESH = {"PYTHONDONTWRITEBYTECODE": "1"}
-"""Python takes kept bytecode for a source of the same size and second: a change would not run"""
+"""Setting against cached bytecode: Python reuses it for a source of equal size and second"""
 EQUIVALENT: dict[str, str] = {}
-"""Names of changes that no test can notice, and why"""
+"""Names of changes that no test can notice, with the reason"""
 SWAPPED: dict[type[ast.AST], type[ast.AST]] = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult,
     ast.And: ast.Or, ast.Or: ast.And, ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE,
     ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq, ast.In: ast.NotIn, ast.NotIn: ast.In,
     ast.Is: ast.IsNot, ast.IsNot: ast.Is,
 }  # fmt: skip
-"""Operators and comparisons, and what stands in place of each"""
+"""Operators and comparisons, with the replacement of each"""
 
 
 @dataclasses.dataclass(frozen=True)
 class Mutant:
-    """One change of the code."""
+    """Change of the code at one place."""
 
     file: str
     line: int
     first: int
-    """Character of the file at which the old text begins"""
+    """Index of the character in the file at which the old text starts"""
     old: str
     new: str
 
     @property
     def name(self) -> str:
-        """The change in one line."""
+        """Description of the change in one line."""
         old, new = (" ".join(text.split())[:70] for text in (self.old, self.new))
         return f"{self.file}:{self.line}: {old} -> {new}"
 
 
 def changed(node: ast.AST) -> ast.expr | None:
-    """Another expression in place of a node; None where it has nothing to change."""
+    """Replacement of a node; None for a node that cannot be changed."""
     new = copy.copy(node)
     match new:
         case ast.BinOp() | ast.BoolOp() if type(new.op) in SWAPPED:
@@ -93,8 +92,7 @@ def changed(node: ast.AST) -> ast.expr | None:
 
 
 def places(*nodes: ast.AST) -> Iterator[ast.expr]:
-    """Find the nodes that can be changed among these and all below; annotations and texts of errors
-    are left out."""
+    """Find all nodes below that can be changed, without annotations and error messages."""
     for node in nodes:
         if isinstance(node, ast.JoinedStr | ast.Raise | ast.arg):
             continue
@@ -107,7 +105,7 @@ def places(*nodes: ast.AST) -> Iterator[ast.expr]:
 
 
 def written(file: str, node: ast.expr) -> Mutant:
-    """The change of one node of a file."""
+    """Make the change of one node of a file."""
     text = (ROOT / file).read_text(encoding="utf-8")
     lines = text.splitlines(keepends=True)
     before = len("".join(lines[: node.lineno - 1]))
@@ -120,7 +118,7 @@ def written(file: str, node: ast.expr) -> Mutant:
 
 
 def drawn(seed: int, only: str) -> Iterator[Mutant]:
-    """Changes in an order by chance, each place as likely as every other."""
+    """Sample changes in random order, each place with equal probability."""
     every: list[tuple[str, ast.expr]] = []
     for path in (path for name in PACKAGES for path in sorted((ROOT / name).rglob("*.py"))):
         file = path.relative_to(ROOT).as_posix()
@@ -133,7 +131,7 @@ def drawn(seed: int, only: str) -> Iterator[Mutant]:
 
 @cache
 def imported_by() -> dict[str, set[str]]:
-    """Modules of the packages that import each module."""
+    """Modules that import each module of the packages."""
     found: dict[str, set[str]] = {}
     for path in (path for name in PACKAGES for path in (ROOT / name).rglob("*.py")):
         importer = ".".join(path.relative_to(ROOT).with_suffix("").parts)
@@ -144,7 +142,7 @@ def imported_by() -> dict[str, set[str]]:
 
 
 def tests_of(file: str) -> tuple[list[str], list[str]]:
-    """Test files of the area of a source file, the nearest first; those of what imports it."""
+    """Test files of a source file's area, the nearest first; and those of its importers."""
     module = file.removesuffix(".py").replace("/", ".")
     place = ROOT / "tests" / Path(file).with_suffix("")
     while not place.is_dir() or not list(place.glob("test_*.py")):
@@ -162,7 +160,7 @@ def tests_of(file: str) -> tuple[list[str], list[str]]:
 
 
 def judge(mutant: Mutant, tree: Path) -> dict[str, object]:
-    """Run the tests of a change in a copy of the tree, which is as before afterwards."""
+    """Run the tests of a change in a copy of the tree, and undo the change."""
     source = tree / mutant.file
     whole = source.read_text(encoding="utf-8")
     end = mutant.first + len(mutant.old)
@@ -178,7 +176,7 @@ def judge(mutant: Mutant, tree: Path) -> dict[str, object]:
 
 
 def failure_of(tests: Sequence[str], tree: Path, hangs: str) -> str:
-    """The first failure of test files; empty where all pass, `hangs` where they do not end."""
+    """First failure of test files; empty if all pass, `hangs` if they do not end."""
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
     try:
         done = subprocess.run(
@@ -192,7 +190,7 @@ def failure_of(tests: Sequence[str], tree: Path, hangs: str) -> str:
 
 
 def main(given: Sequence[str] | None = None) -> int:
-    """The command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=100)

@@ -1,16 +1,16 @@
-"""Runs the tutorials and the examples, and keeps the pictures that they make.
+"""Tutorials and examples: run them, and keep the pictures that they make.
 
     python scripts/tutorials.py                          # all, and their pictures in docs/gallery
     python scripts/tutorials.py --only fly own_current       # some of them
     python scripts/tutorials.py --only fly --folder FOLDER   # into a folder; no picture is kept
     python scripts/tutorials.py --gallery                    # the pictures of docs/gallery.md
 
-A tutorial runs block by block in one empty folder, as a reader would: `sh` in a shell, `python` in
-one session, and a block with `file=NAME` is written there. A block of `text` shows lines of what
-the block before it printed; numbers may differ. `sh gl` needs OpenGL and `sh cc` a C compiler;
-what is marked `elsewhere` is for another machine and not run. Each example has a folder of its own.
-Examples in examples/training take minutes and run only where they are named. A block `sh gallery`
-runs at the top of the repository: a picture and the command beside it cannot part.
+A tutorial runs block by block in one empty folder, as a reader would do: `sh` in a shell, `python`
+in one session. A block with `file=NAME` is written there. A `text` block shows output of the block
+before; its numbers may differ. `sh gl` needs OpenGL and `sh cc` a C compiler. Blocks marked
+`elsewhere` are for another machine and do not run. Each example has its own folder. Examples in
+examples/training take minutes and run only if named. A block `sh gallery` runs at the top of the
+repository, so that a picture always matches its command.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ SHOWN = re.compile(r"^```sh gallery\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 PICTURE = re.compile(r"!\[[^\]]+\]\(\.\./gallery/tutorials/([\w.-]+)\)")
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 SHELL = re.compile(r"[|&;<>*$`()~]|^\s*\w+=")
-"""What only a shell understands, of a line without what is quoted"""
+"""Pattern of text that needs a shell, in a line without its quoted parts"""
 QUOTED = re.compile(r"\"[^\"$`\\]*\"|'[^']*'")
 WIDEST = 1000
-"""[px] of a kept picture"""
+"""[px] Largest width of a kept picture"""
 
 
 class Lesson:
-    """One run of a page: its folder, the names of its Python session, and what was printed last."""
+    """Run of one page: its folder, the names of its Python session, and the last output."""
 
     def __init__(self, folder: Path):
         self.folder = folder
@@ -55,7 +55,7 @@ class Lesson:
         self.said = ""
 
     def run(self, page: str) -> None:
-        """Every block of a page's text, in order.
+        """Run every block of a page's text, in order.
 
         Raises:
           RuntimeError: a command failed, or did not print what the page shows.
@@ -75,16 +75,16 @@ class Lesson:
                 raise RuntimeError(f"no way to run a block marked {language} {mark}")
 
     def python(self, text: str) -> str:
-        """Run a block in the session; what it printed."""
+        """Run a block in the session, and return its output."""
         said = io.StringIO()
         with contextlib.chdir(self.folder), contextlib.redirect_stdout(said):
             if str(self.folder) not in sys.path:
-                sys.path.insert(0, str(self.folder))  # as the folder of a session is
+                sys.path.insert(0, str(self.folder))  # a session has its folder there
             exec(compile(text, "tutorial", "exec"), self.session)
         return said.getvalue()
 
     def shell(self, text: str) -> str:
-        """Run commands; ours and the page's programs here, so that each library is loaded once."""
+        """Run commands; ours and the page's programs run in this process, to save imports."""
         lines = [line for line in text.replace("\\\n", " ").splitlines() if line.strip()]
         words = [shlex.split(line, comments=True) for line in lines]
         here = all(one[0] in ("twin", "factory", "learn") or _is_program(one) for one in words)
@@ -95,7 +95,7 @@ class Lesson:
         )
 
     def program(self, name: str) -> str:
-        """A program of the page, as `python NAME` runs it; what it printed."""
+        """Run a program of the page, as `python NAME` does, and return its output."""
         said = io.StringIO()
         with contextlib.chdir(self.folder), contextlib.redirect_stdout(said):
             try:
@@ -106,7 +106,7 @@ class Lesson:
         return said.getvalue()
 
     def command(self, program: str, *words: str) -> str:
-        """One of our commands; what it printed."""
+        """Run one of our commands, and return its output."""
         said = io.StringIO()
         with (
             contextlib.chdir(self.folder),
@@ -121,7 +121,7 @@ class Lesson:
         return said.getvalue()
 
     def bash(self, text: str) -> str:
-        """Commands that need a shell; what they printed."""
+        """Run commands that need a shell, and return their output."""
         found = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
         places = os.pathsep.join(p for p in (str(ROOT), os.environ.get("PYTHONPATH")) if p)
         done = subprocess.run(
@@ -137,7 +137,7 @@ class Lesson:
         return done.stdout
 
     def compare(self, shown: str) -> None:
-        """What a page shows must have been printed, whatever the numbers."""
+        """Raise an error unless the text that a page shows was printed, apart from numbers."""
         said = {without_numbers(line) for line in self.said.splitlines()}
         for line in shown.splitlines():
             if line.strip() and line.strip() != "..." and without_numbers(line) not in said:
@@ -145,17 +145,17 @@ class Lesson:
 
 
 def _is_program(words: list[str]) -> bool:
-    """Whether a command is `python NAME.py` and no more."""
+    """Whether a command is just `python NAME.py`."""
     return len(words) == 2 and words[0] == "python" and words[1].endswith(".py")
 
 
 def without_numbers(line: str) -> str:
-    """The words of a line, a sign or a blank more or less."""
+    """Words of a line, without numbers, signs and extra blanks."""
     return " ".join(NUMBER.sub("#", line).split())
 
 
 def has_opengl() -> bool:
-    """Whether `twin render` can draw here."""
+    """Whether `twin render` can draw on this machine."""
     from twin.show.render.context import available_backend
 
     return available_backend() is not None
@@ -167,18 +167,18 @@ def has_compiler() -> bool:
 
 
 NEEDS = {"gl": has_opengl, "cc": has_compiler}
-"""What the machine must have for blocks of that mark; else they are left out."""
+"""Requirements on the machine for marked blocks, which are left out without them."""
 
 
 def names() -> dict[str, Path]:
-    """Every tutorial and example by its name, in the order of their files."""
+    """List every tutorial and example by name, in the order of their files."""
     pages = [page for page in sorted(TUTORIALS.glob("*.md")) if page.stem != "index"]
     found = (*pages, *sorted(EXAMPLES.glob("*.py")), *sorted((EXAMPLES / "training").glob("*.py")))
     return {path.stem: path for path in found}
 
 
 def commands(page: str) -> list[str]:
-    """The shell blocks of a page's text that make pictures, in order."""
+    """Shell blocks of a page's text that make pictures, in order."""
     return [block.strip() for block in SHOWN.findall(page)]
 
 
@@ -186,7 +186,7 @@ def show(page: Path, folder: Path = ROOT) -> None:
     """Run the blocks of a page that make its pictures.
 
     Raises:
-      RuntimeError: there is none, or one failed.
+      RuntimeError: the page has no such block, or one failed.
     """
     blocks = commands(page.read_text())
     if not blocks:
@@ -202,7 +202,7 @@ def pictures(path: Path) -> list[str]:
 
 
 def run(path: Path, folder: Path) -> None:
-    """A tutorial or an example in an empty folder."""
+    """Run a tutorial or an example in an empty folder."""
     if path.suffix == ".md":
         Lesson(folder).run(path.read_text())
         return
@@ -211,7 +211,7 @@ def run(path: Path, folder: Path) -> None:
 
 
 def keep(picture: Path, place: Path) -> None:
-    """A copy that is small enough for a repository: at most WIDEST wide, in 256 colours."""
+    """Save a copy that is small enough for the repository: at most WIDEST wide, in 256 colours."""
     from PIL import Image
 
     with Image.open(picture) as full:
@@ -224,7 +224,7 @@ def keep(picture: Path, place: Path) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run what was asked for; the first failure ends it."""
+    """Run the selected pages; the first failure ends the run."""
     parser = argparse.ArgumentParser(description=str(__doc__).partition("\n")[0])
     usual = [name for name, path in names().items() if path.parent.name != "training"]
     parser.add_argument("--only", nargs="+", choices=names(), default=usual, metavar="NAME")

@@ -1,4 +1,4 @@
-"""`twin`: the physics of one glider."""
+"""Entry point of the program `twin`, the physics of one glider, with the table of its commands."""
 
 import sys
 
@@ -25,7 +25,7 @@ forecast plugins/ops the next surfacings of a glider: places with ellipses, time
 hindcast plugins/ops forecasts of a deployment's surfacings beside where it surfaced
 route plugins/ops the best ways to a place through a forecast of the current
 """.splitlines()
-"""Name, place and summary of each, in the order of the help; see `commands_of`"""
+"""Name, place and summary of each command, in the order of the help; see `commands_of`"""
 PROGRAM = Program(
     name="twin",
     summary="Twin of an underwater glider: steady glides, simulated missions, checks.",
@@ -37,7 +37,7 @@ PROGRAM = Program(
 
 
 def main() -> int:
-    """Entry point of the console script."""
+    """Run the console script and return its exit code."""
     return PROGRAM.main()
 
 

@@ -1,9 +1,9 @@
-"""Bounded: files of others read with limits in size and depth, so that none can exhaust a machine.
+"""Bounded reading of foreign files: limits of size and depth, so that no file exhausts a machine.
 
-A text that people write has a largest size. A file of arrays may be of any size, but may not
-declare many times the values that it can hold: compressed files of zeros and sparse files are small
-and ask for more memory than there is. A pipe or a device has no size and need not end, so that only
-what the system calls a regular file is opened.
+A text that people write has a largest size. A file of arrays may have any size, but may not declare
+many times the values that it can hold: compressed files of zeros and sparse files are small and ask
+for more memory than there is. Only regular files are opened: a pipe or a device has no size and may
+never end.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ if TYPE_CHECKING:
     import xarray as xr
 
 MOST_TEXT, MOST_SETTINGS = 64 * 2**20, 256 * 2**10
-"""[byte] of a text file with a table, a million rows of sixty characters; and of a file of settings
-that a person writes (TOML, YAML), a hundred times a usual one"""
+"""[byte] Largest text file with a table (a million rows of sixty characters), and largest file of
+settings that a person writes (TOML, YAML; a hundred times the usual size)"""
 MOST_LINE = 2000
-"""Characters of a line of settings: a key of thousands of parts takes its square in time"""
+"""Most characters in a line of settings: time to parse a dotted key grows with its square"""
 LONGEST_NAME, MOST_STEM = 255, 100
-"""Characters of a file's name, and of one that comes from a text of somebody else"""
+"""Most characters of a file's name, and of a file's name that is made from foreign text"""
 MOST_WAYS = 10**8
-"""Ways in which the repeats of a pattern may share a name: a second or two"""
+"""Most ways in which a pattern's repeats may divide a name; all take a second or two to try"""
 MOST_RATIO, FREE_BYTES = 300, 256 * 2**20
-"""Bytes that an array file may declare per byte that it has, and that any file may, however small.
-Real stores and logs have 2 to 30, and no row of measurements comes near."""
+"""Largest ratio of declared bytes to stored bytes of an array file, and [byte] the declared size
+that is never refused. Real stores and logs have ratios of 2 to 30."""
 MOST_UNPACKED, UNPACKED_BYTES = 50, 2**25
-"""Bytes that a log of somebody else may unpack to per byte that it has, and that any log may,
-however small: read, they take up to twenty times as much memory. Tables, recordings and compressed
-arrays of vehicles have 2 to 10, many columns of missing values forty."""
+"""Largest ratio of unpacked bytes to stored bytes of a foreign log, and [byte] the unpacked size
+that is never refused. Reading takes up to twenty times the unpacked size in memory. Logs of
+vehicles have ratios of 2 to 10, many columns of missing values forty."""
 
 _KINDS = {
     stat.S_IFIFO: "a named pipe",
@@ -58,10 +58,10 @@ _KINDS = {
 
 
 def check_regular(path: str | Path) -> int:
-    """The size [byte] of a file, or of the one that a link leads to; nothing is opened.
+    """Size [byte] of a regular file, or of a link's target; nothing is opened.
 
     Raises:
-      OddFile: it is no regular file, so that reading it may never end. OSError: it is not there.
+      OddFile: the path is no regular file, so that reading may never end. OSError: it is missing.
     """
     path = Path(path)
     found = path.stat()
@@ -73,11 +73,12 @@ def check_regular(path: str | Path) -> int:
 
 
 def regular_files(folder: Path) -> Iterator[tuple[str, int]]:
-    """Path below a folder, with slashes, and size [byte] of every file in it and in its folders, in
-    no order. A link to a file counts as the file, one to a folder is none.
+    """Iterate over all files below a folder: relative path with slashes, and size [byte].
+
+    The order is arbitrary. A link to a file counts as that file; a link to a folder raises.
 
     Raises:
-      OddFile: one is no regular file; OSError: a folder cannot be read.
+      OddFile: an entry is no regular file. OSError: a folder cannot be read.
     """
     below = [""]
     while below:
@@ -87,7 +88,7 @@ def regular_files(folder: Path) -> Iterator[tuple[str, int]]:
                 if entry.is_dir(follow_symlinks=False):
                     below.append(f"{prefix}{entry.name}/")
                     continue
-                with contextlib.suppress(FileNotFoundError):  # it went, or was a link to nothing
+                with contextlib.suppress(FileNotFoundError):  # deleted meanwhile, or a broken link
                     found = entry.stat()
                     if not stat.S_ISREG(found.st_mode):
                         check_regular(entry.path)
@@ -97,13 +98,13 @@ def regular_files(folder: Path) -> Iterator[tuple[str, int]]:
 def read_text(
     path: str | Path, what: str, error: type[InputError] = InputError, *, most: int = MOST_TEXT
 ) -> str:
-    """The text of a file of at most `most` bytes, UTF-8 with or without a mark at its beginning.
+    """Read a text file of at most `most` bytes, UTF-8 with or without a byte-order mark.
 
     Args:
-      what: what errors call it, such as "density file".
+      what: name of the file in errors, such as "density file".
 
     Raises:
-      InputError: (or `error`) it cannot be read, is no regular file, is larger, or is not UTF-8.
+      InputError: (or `error`) the file cannot be read, is no regular file, too large or not UTF-8.
     """
     try:
         check_regular(path)
@@ -114,7 +115,7 @@ def read_text(
                 f"{what} {path} is larger than {_size(most)}, which none needs: is it the right "
                 "file?"
             )
-        # the line ends that text mode would give
+        # convert line ends as Python's text mode does
         return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as cause:
         raise error(f"cannot read {what} {path}: it is not UTF-8 text ({cause.reason})") from cause
@@ -128,10 +129,10 @@ def read_text(
 def read_toml(
     path: str | Path, what: str, error: type[InputError] = InputError, *, hint: str = ""
 ) -> dict[str, Any]:
-    """The tables of a TOML file; errors as `read_text`.
+    """Read the tables of a TOML file; errors as `read_text`.
 
     Args:
-      hint: ends the message of a text without a single = or [, which is another kind of file.
+      hint: end of the message for a text without any = or [, which is another kind of file.
     """
     text = read_text(path, what, error, most=MOST_SETTINGS)
     for k, line in enumerate(text.split("\n"), 1):
@@ -141,16 +142,16 @@ def read_toml(
         return tomllib.loads(text)
     except RecursionError:
         raise error(f"{what} {path} has tables or lists in each other without end") from None
-    except ValueError as cause:  # also of a number with thousands of digits
+    except ValueError as cause:  # raised also for an integer of thousands of digits
         hint = hint if not any(mark in text for mark in "=[") else ""
         raise error(f"{what} {path} is not TOML: {cause}{hint}") from cause
 
 
 def parse_json(text: str | bytes, what: str, error: type[InputError] = InputError) -> Any:
-    """Content of a JSON text.
+    """Parse a JSON text.
 
     Raises:
-      InputError: (or `error`) it is not JSON, or nested without end.
+      InputError: (or `error`) the text is not JSON, or is nested too deeply.
     """
     try:
         return json.loads(text)
@@ -163,18 +164,17 @@ def parse_json(text: str | bytes, what: str, error: type[InputError] = InputErro
 def compile_pattern(
     pattern: str, what: str, error: type[InputError] = InputError
 ) -> re.Pattern[str]:
-    """A regular expression that comes to an end in any name of a file.
+    """Compile a regular expression that matches any file name in bounded time.
 
-    Python's engine tries every way in which repeats can share a text, which takes longer than
-    there is time when repeats are inside each other or many. So no group is repeated, and few
-    single characters are.
+    Python's engine tries every way to divide a text among the repeats. Nested or many repeats
+    take practically forever. So a pattern may repeat no group, and only few single characters.
 
     Raises:
-      InputError: (or `error`) it is no regular expression, or one that could take that long.
+      InputError: (or `error`) the pattern is no regular expression, or could take that long.
     """
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error", FutureWarning)  # of sets that will change their meaning
+            warnings.simplefilter("error", FutureWarning)  # character sets that will change meaning
             compiled = re.compile(pattern)
     except (re.error, FutureWarning, RecursionError, OverflowError) as cause:
         raise error(f"{what} is not a regular expression: {cause}") from None
@@ -193,14 +193,14 @@ def compile_pattern(
 
 
 def file_names(texts: Iterable[str], instead: str, marks: str = "-_.") -> dict[str, str]:
-    """Names for files, of texts that stand in somebody else's file, such as deployments.
+    """Make safe and distinct file names from foreign texts, such as deployments' names.
 
-    A text of a file never becomes a path itself. Its name has letters and digits of ASCII and the
-    marks alone, begins and ends with no mark, and is no other text's name in small letters.
+    A foreign text never becomes a path itself. A name has only ASCII letters, digits and `marks`,
+    begins and ends without a mark, and differs from the other names without regard to case.
 
     Args:
-      instead: the name of a text that has no letter and no digit.
-      marks: characters that a name may have too; the first stands for whatever else a text has.
+      instead: name for a text that has no letter and no digit.
+      marks: further allowed characters; the first replaces every character that is not allowed.
     """
     kept = f"A-Za-z0-9{re.escape(marks)}"
     found: dict[str, str] = {}
@@ -223,10 +223,10 @@ def check_declared(
     *,
     free: float = FREE_BYTES,
 ) -> None:
-    """Raise when a file of `stored` bytes declares values of `declared` bytes, far too many.
+    """Raise `error` when a file of `stored` bytes declares far too many bytes of values.
 
     Args:
-      free: [byte] that it may declare anyway.
+      free: [byte] declared size that is never refused.
     """
     if declared > free and declared > MOST_RATIO * stored:
         raise error(
@@ -236,13 +236,13 @@ def check_declared(
 
 
 def check_unpacked(unpacked: float, stored: int, what: str) -> None:
-    """Raise when a log of `stored` bytes unpacks to `unpacked` bytes, far too many.
+    """Raise InputError when a log of `stored` bytes unpacks to far too many bytes.
 
-    Every reader asks it of whatever unpacks to more than the file has: gzip, LZ4, zstd, parquet,
-    and the compressed arrays of netCDF, HDF5 and MATLAB.
+    Every reader calls this for compressed content: gzip, LZ4, zstd, parquet, and the compressed
+    arrays of netCDF, HDF5 and MATLAB.
 
     Raises:
-      InputError: it is damaged, or made to fill the memory.
+      InputError: the log is damaged, or made to fill the memory.
     """
     if unpacked > UNPACKED_BYTES and unpacked > MOST_UNPACKED * stored:
         raise InputError(
@@ -252,7 +252,7 @@ def check_unpacked(unpacked: float, stored: int, what: str) -> None:
 
 
 def unpacked_file(path: Path) -> io.BufferedReader:
-    """Content of a gzip file, which is closed with the reader.
+    """Open a gzip file for reading its content; closing the reader closes the file.
 
     Reading raises InputError as `check_unpacked`, and EOFError, OSError or zlib.error where the
     file is cut off or damaged.
@@ -261,7 +261,7 @@ def unpacked_file(path: Path) -> io.BufferedReader:
 
 
 class _Counted(io.RawIOBase):
-    """A stream that unpacks and ends with an error where it gives far too much."""
+    """Unpacking stream that raises when it has given far too many bytes."""
 
     def __init__(self, file: gzip.GzipFile, stored: int, what: str) -> None:
         self._file, self._stored, self.name, self._given = file, stored, what, 0
@@ -270,7 +270,7 @@ class _Counted(io.RawIOBase):
         return True
 
     def readinto(self, buffer: Any) -> int:
-        data = self._file.read1(len(buffer))  # of a file that was cut off, what is there
+        data = self._file.read1(len(buffer))  # read1 returns what a truncated file still has
         buffer[: len(data)] = data
         self._given += len(data)
         check_unpacked(self._given, self._stored, self.name)
@@ -287,13 +287,13 @@ def check_dataset(
     what: str,
     error: type[InputError] = InputError,
 ) -> None:
-    """`check_declared` of a dataset that was opened lazily.
+    """Apply `check_declared` to a dataset that was opened lazily.
 
     Args:
-      path: of its file or local folder, or what tells the size [byte] of all its files.
+      path: path of the file or local folder, or a function that returns their size [byte].
     """
     declared = 0.0
-    for variable in dataset.variables.values():  # a chunk is read whole, however little is wanted
+    for variable in dataset.variables.values():  # reading one value unpacks its whole chunk
         sizes = [variable.encoding.get(name) for name in ("chunks", "chunksizes", "shards")]
         chunk = max((math.prod(one) for one in sizes if one), default=0)
         declared += max(variable.nbytes, variable.dtype.itemsize * chunk)
@@ -306,8 +306,8 @@ def check_dataset(
 
 
 def check_archive(content: Path | bytes, what: str, error: type[InputError] = InputError) -> None:
-    """`check_declared` of a zip archive (.npz, checkpoints); raises too when it is none, or no
-    regular file."""
+    """Apply `check_declared` to a zip archive (.npz, checkpoints); raise too if it is unreadable or
+    no regular file."""
     try:
         size = len(content) if isinstance(content, bytes) else check_regular(content)
         place = content if isinstance(content, Path) else io.BytesIO(content)
@@ -319,14 +319,14 @@ def check_archive(content: Path | bytes, what: str, error: type[InputError] = In
 
 
 def stored_size(path: Path) -> int:
-    """Bytes of a file, or of all files in a folder and those below; errors as `regular_files`."""
+    """Size [byte] of a file, or of all files below a folder; errors as `regular_files`."""
     if not path.is_dir():
         return check_regular(path)
     return sum(size for _, size in regular_files(path))
 
 
 def _size(number: float) -> str:
-    """[byte] in a unit that people read."""
+    """Text of a number of bytes in a readable unit, such as `3.2 MB`."""
     for unit in ("bytes", "kB", "MB", "GB", "TB"):
         if number < 1000.0 or unit == "TB":
             break

@@ -1,9 +1,9 @@
-"""Errors that teach: each message is one line that names the offender and the way out.
+"""Errors of the three packages: each message is one line that names the offender and the way out.
 
-The command line maps them to exit codes: `InputError` and its kinds to 2, every other
+The command line maps errors to exit codes: `InputError` and its subclasses to 2, every other
 `TwinError` to 1. Library users catch the class they care about.
 
-Nearest: the name that was probably meant, by its spelling.
+`nearest` finds the name that was probably meant, by its spelling.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from collections.abc import Iterable
 from typing import Any
 
 CLOSE = 0.6
-"""Likeness of two spellings of which one may be meant by the other; 1 is equal"""
+"""Least similarity of two spellings for the one to be suggested for the other; 1 is equal"""
 MOST_LETTERS = 1200
-"""Characters of a message; the longest list of allowed names has some less"""
+"""Most characters of a message; the longest list of allowed names is a little shorter"""
 MOST_NAMES, NEAREST = 45, 6
-"""Names that a message lists in full, and that it lists of more"""
+"""Most names that a message lists in full, and the number that it lists of a longer list"""
 
 
 def nearest(name: str, names: Iterable[str], *, close: float = CLOSE) -> str | None:
-    """The one of `names` that `name` was probably meant to be; None where none is like it."""
+    """Return the one of `names` that `name` probably means; None where no name is similar."""
     known = {_plain(one): one for one in sorted(names, reverse=True)}
     given = _plain(name)
     near = difflib.get_close_matches(given, known, n=1, cutoff=close)
@@ -33,14 +33,14 @@ def nearest(name: str, names: Iterable[str], *, close: float = CLOSE) -> str | N
 
 
 def _plain(name: str) -> str:
-    """As options and arguments are compared: `--Sample-Period` is `sample_period`."""
+    """Reduce a name to the form in which names are compared: `--Sample-Period`: `sample_period`."""
     return str(name).lower().replace("-", "_").strip("_")
 
 
 class TwinError(Exception):
     """Base of every error that the three packages raise on purpose.
 
-    The middle of a message that quotes a giant text is left out.
+    The middle of a very long message is left out.
     """
 
     exit_code = 1
@@ -52,13 +52,13 @@ class TwinError(Exception):
 
 
 class InputError(TwinError, ValueError):
-    """The caller's input cannot be used; nothing was changed."""
+    """Unusable input of the caller; nothing was changed."""
 
     exit_code = 2
 
 
 class UnknownName(InputError, KeyError):
-    """A name that is not there; a `KeyError` too, as mappings raise. The nearest is offered."""
+    """Unknown name; a `KeyError` too, as mappings raise. The message offers the nearest name."""
 
     def __init__(self, kind: str, name: str, allowed: Iterable[str], *, hint: str = ""):
         super().__init__(unknown_name(kind, name, allowed) + hint)
@@ -72,7 +72,7 @@ class UnknownName(InputError, KeyError):
 
 
 def _unknown_again(message: str, name: str) -> UnknownName:
-    """An `UnknownName` as another process raised it."""
+    """Rebuild an `UnknownName` that another process raised."""
     error = UnknownName.__new__(UnknownName, message)
     error.args, error.name = (message,), name
     return error
@@ -99,11 +99,11 @@ class StoreError(InputError):
 
 
 class WriteError(StoreError):
-    """The disk refuses, or something that is not ours is in the way; nothing was changed."""
+    """The disk refuses a write, or a foreign file is in the way; nothing was changed."""
 
 
 class OddFile(OSError):
-    """Under a path is a pipe, a device or a folder, where a file must be."""
+    """A path leads to a pipe, a device or a folder, where a file must be."""
 
 
 class LayoutError(TwinError):
@@ -115,7 +115,7 @@ class NoSteadyState(TwinError):
 
 
 class SimulationUnstable(TwinError):
-    """A simulation left the finite numbers; `partial` holds what it had until then."""
+    """A simulation diverged; `partial` holds its trajectory until then."""
 
     def __init__(self, message: str, *, mission: int, time_s: float, partial: Any = None):
         super().__init__(message)
@@ -123,18 +123,18 @@ class SimulationUnstable(TwinError):
 
 
 class StepTooLong(InputError, SimulationUnstable):
-    """A step with which the vehicle's velocities would not settle, refused before the flight."""
+    """A time step too long for stable integration of the vehicle, refused before the flight."""
 
     def __init__(self, message: str):
         SimulationUnstable.__init__(self, message, mission=0, time_s=0.0)
 
 
 class InaccurateStep(UserWarning):
-    """A step with which a run is off by a millimetre per second or more, told before the flight."""
+    """A time step whose error is 1 mm/s or more, reported before the flight."""
 
 
 def shortened(text: str) -> str:
-    """A message without its middle where it has more than `MOST_LETTERS` characters."""
+    """Leave out the middle of a message that has more than `MOST_LETTERS` characters."""
     if len(text) <= MOST_LETTERS:
         return text
     half = MOST_LETTERS // 2
@@ -142,21 +142,21 @@ def shortened(text: str) -> str:
 
 
 def quoted(path: str | os.PathLike[str]) -> str:
-    """A path or name as a shell takes it, for a command that a message suggests."""
+    """Quote a path or name for a shell, for a command that a message suggests."""
     return shlex.quote(str(path))
 
 
 def shown(value: object) -> str:
-    """A value as a message names it: its repr, cut where it is long."""
+    """Text of a value for a message: its repr, cut after 60 characters."""
     try:
         text = repr(value)
-    except ValueError:  # a whole number of thousands of digits
+    except ValueError:  # Python refuses to print an integer of thousands of digits
         text = f"a {type(value).__name__}"
     return text if len(text) <= 60 else f"{text[:60]}..."
 
 
 def unknown_name(kind: str, name: str, allowed: Iterable[str]) -> str:
-    """One line for a name that is not among `allowed`, with the nearest one when there is one."""
+    """Message of one line for a name that is not among `allowed`, with the nearest allowed name."""
     names = sorted(allowed)
     near = nearest(name, names, close=0.5)
     hint = f": did you mean {near!r}?" if near else ""

@@ -1,11 +1,11 @@
-"""Extras: optional packages, the command that installs one, and what must be loaded first.
+"""Extras: checks of optional packages, their installation commands, and the order of loading.
 
-A package `factory` of another project, factory_boy's, is named too: pip lets the one replace files
-of the other without a word.
+`require_factory` detects factory_boy, whose package is called `factory` too: pip lets one project
+silently replace files of the other.
 
-Triton is loaded before Mesa. Debian's Mesa draws on the CPU with a shared LLVM and makes its
-symbols global. Triton, which comes with PyTorch's CUDA build, carries an LLVM of its own. Triton
-3.7 and later, when loaded after Mesa, bind to Mesa's LLVM, and the first constructor in
+`preload_triton` loads Triton before Mesa. Debian's Mesa draws on the CPU with a shared LLVM and
+makes its symbols global. Triton, which comes with PyTorch's CUDA build, carries its own LLVM. If
+Triton 3.7 or later is loaded after Mesa, it binds to Mesa's LLVM, and the first constructor in
 `torch.optim` is then a segmentation fault. Where triton is not installed, nothing is loaded.
 """
 
@@ -24,13 +24,13 @@ from twin.errors import InputError
 from twin.plugins import installation
 
 _LOADED = Path("/proc/self/maps")
-"""Where Linux lists the libraries of this process"""
+"""File in which Linux lists the libraries of this process"""
 AGAIN = "pip install --force-reinstall --no-deps glider-twin"
 
 
 @functools.cache
 def preload_triton() -> None:
-    """Load triton's library, once; call it before an OpenGL context is made and before training."""
+    """Load triton's library once; call this before making an OpenGL context and before training."""
     if not sys.platform.startswith("linux") or "triton" in sys.modules:
         return
     spec = importlib.util.find_spec("triton")  # finds it, does not import it
@@ -38,12 +38,12 @@ def preload_triton() -> None:
         library = Path(folder) / "_C" / "libtriton.so"
         if library.is_file():
             mode = os.RTLD_NOW | os.RTLD_LOCAL
-            # With its own symbols first if somebody else has already opened OpenGL; not always:
-            # it would miss an allocator that the user preloads.
+            # If OpenGL is open already, triton must prefer its own symbols. Not otherwise: it
+            # would then bypass an allocator that the user preloads.
             with contextlib.suppress(OSError):
                 if "libLLVM" in _LOADED.read_text(errors="replace"):
                     mode |= os.RTLD_DEEPBIND
-            # A library that does not load is torch's business, not that of somebody who draws.
+            # A library that does not load concerns torch, not a user who only draws.
             with contextlib.suppress(OSError):
                 ctypes.CDLL(str(library), mode=mode)
             return
@@ -53,14 +53,14 @@ def require(package: str, *, extra: str, purpose: str, load: bool = True, then: 
     """Check that the packages of an extra are installed.
 
     Args:
-      package: what will be imported.
-      extra: the extra of this project that brings it, or `plugins/NAME`.
-      purpose: what it is for, the start of the message.
-      load: import it; without, only look for it, which is quick.
-      then: what the command that installs it goes on with.
+      package: name of the package that will be imported.
+      extra: the extra of this project that installs the package, or `plugins/NAME`.
+      purpose: start of the message: the task that needs the package.
+      load: import the package; if False, only look for it, which is quick.
+      then: text that follows the installation command in the message.
 
     Raises:
-      InputError: it cannot be imported; the message says which command installs it.
+      InputError: the package cannot be imported; the message names the installation command.
     """
     try:
         if load:
@@ -78,7 +78,7 @@ def require_factory() -> None:
     """Check that the package `factory` is this project's.
 
     Raises:
-      InputError: it is another distribution's, or lost its first file to one.
+      InputError: the package belongs to another distribution, or has lost its `__init__.py`.
     """
     spec = importlib.util.find_spec("factory")
     origin = Path((spec and spec.origin) or "")
@@ -103,15 +103,15 @@ def require_factory() -> None:
 
 
 def require_learning() -> None:
-    """Check what `learn` stands on: the package `factory` and PyTorch.
+    """Check that the packages that `learn` needs are there: `factory` and PyTorch.
 
     Raises:
-      InputError: one of them is missing; the message says what to do.
+      InputError: a package is missing; the message says what to do.
     """
     require_factory()
     require("torch", extra="learn", purpose="learn", load=False)
 
 
 def started_as(program: str) -> bool:
-    """Whether this process runs `program` or `python -m`, which report errors without traceback."""
+    """Return True if this process runs `program` or `python -m`, whose errors have no traceback."""
     return Path(sys.argv[0] if sys.argv else "").stem in (program, "-m")

@@ -1,4 +1,4 @@
-"""Facade: a mission from plain values to its scenario and its trajectory, in one call."""
+"""Facade of the simulation: plain values to a `Scenario` and its `Trajectory`, in one call."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 _BESIDE_A_SCENARIO = ("scenario", "controller", "sensors", "seed", "bottom_depth")
 _FAULTS = 0xFA17
-"""Key of the random stream of faulty sensors and batteries"""
+"""Spawn key of the random stream for faulty sensors and batteries"""
 
 
 def simulate(
@@ -67,41 +67,40 @@ def simulate(
     bottom_depth: float | None = None,
     navigate: str | VelocityEstimator | None = None,
 ) -> Trajectory:
-    """Fly one mission and return what happened.
+    """Fly one mission and return its trajectory.
 
     Args:
-      scenario: everything at once; then only `controller` and the sensors may be given beside it.
+      scenario: the whole scenario; only `controller` and the sensors' arguments may accompany it.
       vehicle: shipped name, path of an MJCF file, or a Vehicle.
-      mission: shipped name, path of a TOML file, a Mission or a Schedule; the shipped one that
-        suits the vehicle when there is no controller either.
-      current: as text, such as "uniform:0.1,-0.05" (north, east [m/s]), or an object; parts are
-        added with +.
+      mission: shipped name, path of a TOML file, a Mission or a Schedule. Without a mission and
+        a controller, the shipped mission that suits the vehicle is flown.
+      current: text such as "uniform:0.1,-0.05" (north, east [m/s]), or an object; + adds
+        currents.
       density: "usual", "constant", "thermocline", "grid" (temperature and salinity of the current's
         file at the start), a CSV file, or a DensityProfile; None is "usual".
-      ballast_at: [m] of this water where the vehicle is neutral; None takes water of the reference
-        density at the surface.
-      mass: [kg] of the whole vehicle, whose hull keeps its volume; None takes the file's.
-      compressibility: [1/Pa] of the hull; None takes the file's.
+      ballast_at: [m] depth at which the vehicle is neutral in this water; None: neutral in water of
+        the reference density at the surface.
+      mass: [kg] mass of the whole vehicle, whose hull keeps its volume; None takes the file's.
+      compressibility: [1/Pa] compressibility of the hull; None takes the file's.
       floor: sea floor as text, "depth:200" [m] or a bathymetry file such as GEBCO's, or a Floor;
         None is water without a bottom.
-      faults: what is wrong with the vehicle, as texts such as "fouling:per_day=0.02,from=3d", or
-        objects.
-      duration: [s]; None takes the mission's own.
-      start: where, when and how the run begins: a Start, or some of its fields by name, such as
+      faults: faults of the vehicle, as texts such as "fouling:per_day=0.02,from=3d", or objects.
+      duration: [s] simulated time; None takes the mission's own.
+      start: place, time and state at the beginning: a Start, or some of its fields by name, such as
         {"latitude": 49.0, "longitude": -16.0, "time": "2003-08-01"}; None takes the mission's.
       origin: latitude, longitude and time of the frame's origin; None takes the start's.
       engine: "mujoco", or "lanes", the Fossen model (docs/howto/lanes.md).
       hydrodynamics: "coefficients" or "ellipsoid".
-      timestep: [s] of the physics; None takes the vehicle file's.
-      integrator: MuJoCo's; None takes the vehicle file's.
+      timestep: [s] step of the physics; None takes the vehicle file's.
+      integrator: MuJoCo's integrator; None takes the vehicle file's.
       sample_period: [s] between samples.
       controller: Python code that gives the commands each control period instead of a mission.
       sensors: suite by name ("ideal", "field", ...) or a SensorSuite; adds measured_* signals.
-      seed: of the sensors' random draws.
-      bottom_depth: [m] for the sensors, where there is no floor; None is out of their reach.
-      navigate: what guidance sees: "truth" (None), or the estimate made on board of what the
-        sensors (by default those of "field") measure: "estimate", the name of a velocity estimator
-        such as "ekf" or "network:runs/mine", or an estimator.
+      seed: seed of the sensors' random numbers.
+      bottom_depth: [m] depth of the bottom for the sensors, without `floor`; None: out of range.
+      navigate: state that guidance sees: "truth" (None), or an estimate made on board from the
+        sensors (default: suite "field"): "estimate", the name of a velocity estimator such as
+        "ekf" or "network:runs/mine", or an estimator object.
 
     Returns:
       The trajectory: a mapping of signals in NED and FRD, angles in degrees.
@@ -175,16 +174,16 @@ def scenario_of(
     navigate: str | VelocityEstimator | None = None,
     commanded: bool = False,
 ) -> Scenario:
-    """The scenario of plain values; nothing is flown.
+    """Build a scenario from plain values; nothing is flown.
 
     Arguments without a line here are those of `simulate`.
 
     Args:
-      start: as of `simulate`, or a text "LATITUDE,LONGITUDE" or "LATITUDE,LONGITUDE,TIME".
-      sensors: that guidance navigates by.
-      seed: of their random draws.
-      bottom_depth: [m] for them, where there is no floor.
-      commanded: a controller will give the commands, so that there is no mission by default.
+      start: as in `simulate`, or a text "LATITUDE,LONGITUDE" or "LATITUDE,LONGITUDE,TIME".
+      sensors: sensor suite by which guidance navigates.
+      seed: seed of the sensors' random numbers.
+      bottom_depth: [m] depth of the bottom for the sensors, without `floor`.
+      commanded: a controller will give the commands, so that no mission is taken by default.
 
     Raises:
       InputError and its kinds: a name or value that cannot be used.
@@ -228,11 +227,11 @@ def scenario_of(
 
 
 _OF_A_SCENARIO = inspect.signature(scenario_of).parameters.keys()
-"""Arguments that `simulate` hands on"""
+"""Arguments that `simulate` passes to `scenario_of`"""
 
 
 def _named(trajectory: Trajectory, scenario: Scenario) -> Trajectory:
-    """The trajectory with the names of its vehicle and mission, and its whole scenario."""
+    """Add the names of vehicle and mission, and the whole scenario, to the provenance."""
     plan = scenario.mission
     said = {
         "vehicle": scenario.vehicle.name,
@@ -243,10 +242,10 @@ def _named(trajectory: Trajectory, scenario: Scenario) -> Trajectory:
 
 
 def in_water(scenario: Scenario, density: str) -> Scenario:
-    """The scenario in the water column of a name or file, at the place where it begins.
+    """Put a scenario into the water column of a name or file, at the place where it begins.
 
     Raises:
-      InputError: as `parse_density`; or "grid" where no current's file has temperature and
+      InputError: as `parse_density`; or "grid" without a current's file that has temperature and
         salinity.
     """
     place = scenario.place
@@ -274,9 +273,9 @@ def with_sensors(
     seed: int = 0,
     bottom_depth: float | None = None,
 ) -> Trajectory:
-    """The trajectory with what the sensors measured, and their settings in its provenance.
+    """Add the sensors' measurements to a trajectory, and their settings to its provenance.
 
-    Of a navigated scenario its own sensors: what they measured under way stays as it is.
+    A navigated scenario uses its own sensors; signals measured during the flight stay as they are.
     """
     under_way = {}
     if scenario.navigate is not None:
@@ -290,7 +289,7 @@ def with_sensors(
         measured |= electric_signals(scenario, trajectory, rng)
         given = {**trajectory.signals, **measured}
         wrong = read_by(scenario.faults, given, trajectory.time, rng, period=scenario.sample_period)
-        # what was measured under way was faulty there
+        # signals measured during the flight contain the faults already
         wrong = {name: values for name, values in wrong.items() if name not in under_way}
         measured |= wrong
         late = suite.readers(wrong, trajectory.signals) - {*wrong, *under_way}
@@ -306,7 +305,7 @@ def with_sensors(
 
 
 def _refuse_unseen(scenario: Scenario) -> None:
-    """Raise InputError for a fault that nothing of a flight without sensors shows."""
+    """Raise InputError for a fault that has no effect on a flight without sensors."""
     for fault in scenario.faults:
         plan = scenario.mission
         above_floor = isinstance(plan, Mission) and plan.needs_floor
@@ -319,7 +318,7 @@ def _refuse_unseen(scenario: Scenario) -> None:
 
 
 def _refuse_beside(scenario: Scenario, given: dict[str, Any]) -> None:
-    """Refuse arguments that the scenario would make idle."""
+    """Raise InputError for arguments that a given scenario would override."""
     if not isinstance(scenario, Scenario):
         raise InputError(f"scenario is {scenario!r}: give a Scenario, or keyword arguments")
     for name, parameter in inspect.signature(simulate).parameters.items():
@@ -330,7 +329,7 @@ def _refuse_beside(scenario: Scenario, given: dict[str, Any]) -> None:
 
 
 def _suite(sensors: str | SensorSuite | None, seed: int) -> SensorSuite | None:
-    """The suite that is meant; refuses a wrong seed."""
+    """Return the sensor suite of a name or object; raise InputError for a negative seed."""
     if isinstance(seed, int) and seed < 0:
         raise InputError(f"seed {seed} must be at least 0")
     if sensors is None:
@@ -352,7 +351,7 @@ def _measure(
     bottom_depth: float | None,
     known: Mapping[str, Any],
 ) -> tuple[dict[str, Any], dict[str, float]]:
-    """The measured signals, of which some are known, and the constants that were drawn."""
+    """Measured signals, computed where they are not `known` yet, and the sampled constants."""
     tree = np.random.SeedSequence(seed)
     drawn = suite.draw(tree)
     program = floor = None
@@ -361,7 +360,7 @@ def _measure(
     bottom: Any = bottom_depth
     if scenario.floor is not None:
         floor = floor_table(scenario, scenario.run_time())
-        # a Doppler log asks for water under it; on a beach there is none
+        # the Doppler log's model needs a positive depth; on a beach the depth is 0 or less
         depths = floor_depths(floor, trajectory["true_north"], trajectory["true_east"])
         bottom = np.maximum(depths, 1e-3)
     measured = suite.measure(

@@ -1,4 +1,4 @@
-"""Frames: the one place where MuJoCo's axes meet the field's.
+"""Frames: conversions between MuJoCo's axes and NED/FRD, and between kinds of attitude.
 
 Public frames are NED (north, east, down) for the world and FRD (forward, starboard, down) for
 the body. MuJoCo's world here is x north, y west, z up and its hull x forward, y port, z up, so
@@ -14,11 +14,13 @@ from numpy.typing import ArrayLike
 from twin.numbers import Array
 
 FLIP = np.array([1.0, -1.0, -1.0])
+UPRIGHT = 1e-6
+"""Cosine of the pitch below which rounding would decide about roll and heading"""
 FLIP_QUATERNION = np.array([1.0, 1.0, -1.0, -1.0])
 
 
 def flip_vector(vector: ArrayLike) -> Array:
-    """NED to MuJoCo world, FRD to hull axes, and back. Shape (..., 3), any unit."""
+    """Convert NED to MuJoCo's world, FRD to hull axes, or back. Shape (..., 3), any unit."""
     return np.asarray(vector, float) * FLIP
 
 
@@ -28,13 +30,13 @@ def flip_quaternion(quaternion: ArrayLike) -> Array:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """The cross product of two vectors of shape (3,), faster than `np.cross`, to the same bits."""
+    """Cross product of two vectors, shape (3,); faster than `np.cross`, with identical bits."""
     (a0, a1, a2), (b0, b1, b2) = a.tolist(), b.tolist()
     return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 
 
 def euler_to_quaternion(roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> Array:
-    """ZYX Euler angles [rad] to the body-to-NED quaternion (w, x, y, z). Shape (..., 4).
+    """Convert ZYX Euler angles [rad] to the body-to-NED quaternion (w, x, y, z). Shape (..., 4).
 
     Fossen (2021), section 2.2.2.
     """
@@ -52,16 +54,24 @@ def euler_to_quaternion(roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -
 
 
 def quaternion_to_euler(quaternion: ArrayLike) -> tuple[Array, Array, Array]:
-    """Body-to-NED quaternion (..., 4) to roll, pitch, heading [rad], heading in [0, 2 pi)."""
+    """Convert body-to-NED quaternions (..., 4) to roll, pitch and heading [0, 2 pi), all [rad].
+
+    With the nose straight up or down roll and heading are one angle: it is given as the heading.
+    """
     w, x, y, z = np.moveaxis(np.asarray(quaternion, float), -1, 0)
     roll = np.arctan2(2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2 * (w * y - x * z), -1.0, 1.0))
-    heading = np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z))
-    return roll, pitch, np.mod(heading, 2 * np.pi)
+    sine = np.clip(2 * (w * y - x * z), -1.0, 1.0)
+    ahead, aside = 1 - 2 * (y * y + z * z), 2 * (x * y + w * z)
+    heading = np.arctan2(aside, ahead)
+    upright = np.hypot(ahead, aside) < UPRIGHT
+    if upright.any():
+        roll = np.where(upright, 0.0, roll)
+        heading = np.where(upright, 2.0 * np.arctan2(-np.sign(sine) * x, w), heading)
+    return roll, np.arcsin(sine), np.mod(heading, 2 * np.pi)
 
 
 def quaternion_to_matrix(quaternion: ArrayLike) -> Array:
-    """Rotation body to NED from the quaternion (..., 4). Shape (..., 3, 3)."""
+    """Rotation matrix from body to NED of a quaternion (..., 4). Shape (..., 3, 3)."""
     w, x, y, z = np.moveaxis(np.asarray(quaternion, float), -1, 0)
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -72,5 +82,5 @@ def quaternion_to_matrix(quaternion: ArrayLike) -> Array:
 
 
 def euler_to_matrix(roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> Array:
-    """Rotation body to NED of ZYX Euler angles [rad]. Shape (..., 3, 3)."""
+    """Rotation matrix from body to NED of ZYX Euler angles [rad]. Shape (..., 3, 3)."""
     return quaternion_to_matrix(euler_to_quaternion(roll, pitch, heading))

@@ -1,6 +1,6 @@
-"""Lazy: public names of a package that are imported when they are first used (PEP 562).
+"""Lazy import of a package's public names when they are first used (PEP 562).
 
-A package's face stays cheap to import, and a record can offer `plot()` without importing figures.
+A package's `__init__` stays cheap, and a record can offer `plot()` without importing figures.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from typing import Any
 from twin.errors import unknown_name
 
 _WRAPPED = re.compile(r"import \(\s*(\w+ as \w+),?\s*\)")
-"""An import of one name that is too long for a line"""
+"""Pattern of an import of one name that was wrapped because it was too long for a line"""
 
 
 def resolve(place: str) -> Any:
-    """The object at `package.module:name`, or the module of a place without a name."""
+    """Import the object at `package.module:name`, or the module if `place` has no name."""
     module, _, name = place.partition(":")
     found = importlib.import_module(module)
     return getattr(found, name) if name else found
 
 
 def places(package: str) -> dict[str, str]:
-    """`package.module:name`, or `package.module`, by public name of a package.
+    """Places of a package's public names, as `package.module:name` or `package.module`.
 
-    They are read where type checkers read them: in the package's own `if TYPE_CHECKING`, from its
-    lines `from MODULE import NAME as PUBLIC_NAME`.
+    They are read from the lines `from MODULE import NAME as PUBLIC_NAME` in the package's own
+    `if TYPE_CHECKING`, as type checkers read them.
     """
     found = {}
     text = Path(str(sys.modules[package].__file__)).read_text(encoding="utf-8")
@@ -44,7 +44,7 @@ def places(package: str) -> dict[str, str]:
 def attach(
     package: str, places: Mapping[str, str]
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """`__getattr__` and `__dir__` of a package, whose `__name__` it is, with its `places`."""
+    """Make `__getattr__` and `__dir__` for a package's module from its public names' `places`."""
 
     def get(name: str) -> Any:
         if name not in places:

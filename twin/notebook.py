@@ -1,6 +1,6 @@
-"""Notebook: how an object shows itself in one, as a small table beside a small picture.
+"""Notebook display: HTML of an object, a small table beside a small picture.
 
-The picture is SVG of a few lines, so that no library of figures is loaded to look at an object.
+The picture is a short SVG, so that displaying an object loads no plotting library.
 """
 
 from __future__ import annotations
@@ -10,19 +10,19 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 WIDTH, HEIGHT, EDGE = 260.0, 90.0, 6.0
-"""[px] of a picture, and of the empty frame in it"""
+"""[px] Width and height of a picture, and width of its empty margin"""
 POINTS = 200
-"""Most points of a line: more than the picture has pixels to tell apart"""
+"""Most points of a line; the picture cannot resolve more"""
 INK, GREY = "#2a6f97", "#8d99a6"
 
 
 def card(title: str, rows: Mapping[str, object], picture: str = "") -> str:
-    """HTML of an object.
+    """HTML card of an object.
 
     Args:
-      title: one line.
-      rows: what is said of it, by words.
-      picture: SVG, as `line` and its kin give it.
+      title: title of one line.
+      rows: values by their labels.
+      picture: SVG, such as `line`, `spans` and `hull` return.
     """
     cells = "".join(
         f"<tr><th style='text-align:left'>{html.escape(name)}</th>"
@@ -36,7 +36,7 @@ def card(title: str, rows: Mapping[str, object], picture: str = "") -> str:
 
 
 def line(x: Sequence[float], y: Sequence[float], label: str, *, down: bool = False) -> str:
-    """A line through points, with its label and the ends of y; non-finite points are left out.
+    """SVG of a line through the finite points, with a label and the range of y.
 
     Args:
       down: y grows downwards, as depth does.
@@ -54,7 +54,7 @@ def line(x: Sequence[float], y: Sequence[float], label: str, *, down: bool = Fal
 
 
 def spans(rows: Sequence[tuple[str, float, float]], label: str) -> str:
-    """A dot and its deviation to both sides for each row, about a line at zero."""
+    """SVG of values with error bars: rows of name, value and standard deviation, about zero."""
     if not rows:
         return ""
     reach = max(1e-9, *(abs(value) + deviation for _, value, deviation in rows))
@@ -73,11 +73,11 @@ def spans(rows: Sequence[tuple[str, float, float]], label: str) -> str:
 
 
 def hull(length: float, diameter: float, parts: Mapping[str, tuple[float, float]]) -> str:
-    """A hull from starboard, its bow to the right, with dots where parts act.
+    """SVG of a hull seen from starboard, its bow to the right, with dots where parts act.
 
     Args:
-      length, diameter: [m].
-      parts: forward of the middle and down [m], by name.
+      length, diameter: [m] size of the hull.
+      parts: [m] position forward of the middle and down, by the part's name.
     """
     scale = min((WIDTH - 2 * EDGE) / length, (HEIGHT - 2 * EDGE) / diameter)
     x, y = WIDTH / 2, HEIGHT / 2

@@ -1,7 +1,7 @@
-"""Numbers: a value that must be a number, whoever gave it; small systems of them; processors.
+"""Numbers: checked conversion to float, small linear algebra, and the number of processors.
 
-A library of linear algebra rounds otherwise on another processor. What decides a flight's bytes,
-such as the gains of guidance, goes through `product` and `solved_system` instead.
+Linear algebra libraries round differently on different processors. Values that decide a flight's
+bytes, such as the gains of guidance, go through `product` and `solved_system` instead.
 """
 
 from __future__ import annotations
@@ -18,29 +18,29 @@ Array = NDArray[np.float64]
 
 
 def number(value: object, what: str, error: type[InputError] = InputError) -> float:
-    """`value` as a float; a whole number beyond all floats is infinite.
+    """Convert `value` to a float; an integer too large for a float becomes infinite.
 
     Args:
-      what: begins the message, such as "scenario: duration".
+      what: start of the message, such as "scenario: duration".
 
     Raises:
-      InputError: (or `error`) it is a text, a truth value, None or anything else that is no number.
+      InputError: (or `error`) `value` is no number, such as a text, a truth value or None.
     """
     if not isinstance(value, bool) and hasattr(value, "__float__"):
         try:
             return float(value)
         except OverflowError:
             return math.inf
-        except (TypeError, ValueError):  # an array of several, say
+        except (TypeError, ValueError):  # such as an array of several numbers
             pass
     raise error(f"{what} is {shown(value)}: give a number") from None
 
 
 def numbers(values: object, what: str, error: type[InputError] = InputError) -> NDArray[np.float64]:
-    """A list of numbers as an array.
+    """Convert a list of numbers to an array.
 
     Raises:
-      InputError: (or `error`) it is none, or holds something else; texts are no numbers.
+      InputError: (or `error`) `values` is no list of numbers; texts are no numbers.
     """
     if isinstance(values, str | bytes | dict):
         raise error(f"{what} is {shown(values)}: give numbers")
@@ -51,19 +51,19 @@ def numbers(values: object, what: str, error: type[InputError] = InputError) -> 
 
 
 def product(matrix: Array, vector: Array) -> Array:
-    """Matrix times vector, shape (rows,), with the same bits on every processor.
+    """Matrix times vector, shape (rows,), with identical bits on every processor.
 
     Args:
-      matrix: shape (rows, columns) with less than eight columns, which NumPy adds up in order.
+      matrix: shape (rows, columns) with fewer than eight columns, which NumPy sums in order.
     """
     total: Array = (matrix * vector).sum(axis=1)
     return total
 
 
 def solved_system(matrix: Array, right: Array) -> Array | None:
-    """Solution of `matrix @ x = right`, shape (n,), with the same bits on every processor.
+    """Solution of `matrix @ x = right`, shape (n,), with identical bits on every processor.
 
-    Gaussian elimination with partial pivoting. None: the matrix is singular.
+    The method is Gaussian elimination with partial pivoting; None if the matrix is singular.
 
     Args:
       matrix: shape (n, n). right: shape (n,).
@@ -87,8 +87,8 @@ def solved_system(matrix: Array, right: Array) -> Array | None:
 
 
 def processors() -> int:
-    """Processors that this process may use, at least 1; where the system does not say, all."""
+    """Number of processors that this process may use; all where the system cannot limit them."""
     try:
         return len(os.sched_getaffinity(0))
-    except AttributeError:  # Linux alone has it
+    except AttributeError:  # only Linux has this function
         return os.cpu_count() or 1

@@ -1,11 +1,10 @@
-"""Plugins: files of a user's own kinds, named by the environment.
+"""Plugins: a user's own types, from files that an environment variable names or entry points.
 
-Each process runs them once, before it first looks a name up.
+A type is a class, function or object that a registry holds by name. Each process runs the files
+once, before its first lookup of a name. A place says where a type is defined, as `module:Name`.
 
-Places: where a kind is written, as `module:Name`, and what stands there.
-
-Entry points: kinds and commands of installed distributions. The plugins of this project, whose
-names begin with `glider-twin-`, must be of its own version.
+Entry points offer types and commands of installed distributions. The plugins of this project,
+whose names begin with `glider-twin-`, must have the same version as glider-twin.
 """
 
 from __future__ import annotations
@@ -22,27 +21,27 @@ from twin.errors import InputError, TwinError
 from twin.version import __version__
 
 PLUGINS = "GLIDER_TWIN_PLUGINS"
-"""Environment variable with the Python files of a user's own kinds."""
+"""Environment variable that lists the Python files of a user's own types."""
 PLUGIN_MODULE = "glider_twin_plugin_"
-"""Start of the names under which those files are known as modules."""
+"""Prefix of the module names that the files in `PLUGINS` get."""
 PROGRAMS = ("__main__", "__mp_main__")
-"""Names of the file that Python was started with, here and in its worker processes."""
+"""Module names of the file that Python was started with, in this process and its workers."""
 PLUGIN_FOLDER, OWN_PLUGINS = "plugins/", "glider-twin-"
-"""Start of the names of this project's plugins as folders of a clone, and as distributions"""
+"""Prefixes of this project's plugins: of their folders in a clone, and of their distributions"""
 
 _plugins_ran: set[str] = set()
 
 
 def run_plugins() -> None:
-    """Run the files that the environment names, each once.
+    """Run each file that the environment variable names, once.
 
     Raises:
-      InputError: a file is not there or fails; the message names it.
+      InputError: a file is missing or fails; the message names the file.
     """
     for text in os.environ.get(PLUGINS, "").split(os.pathsep):
         if not text or text in _plugins_ran:
             continue
-        _plugins_ran.add(text)  # before it runs: it looks names up itself
+        _plugins_ran.add(text)  # before it runs, since the file itself may look names up
         try:
             _run_plugin(Path(text))
         except BaseException:
@@ -58,7 +57,7 @@ def _run_plugin(path: Path) -> None:
     if spec is None or spec.loader is None:
         raise InputError(f"{PLUGINS} names {path}, which is not a Python file (.py)")
     module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # dataclasses look their module up
+    sys.modules[name] = module  # the decorator `dataclass` needs the class's module there
     try:
         spec.loader.exec_module(module)
     except InputError as error:
@@ -74,24 +73,24 @@ def imported(place: str) -> Any:
 
 
 def place_of(kind: Any) -> str:
-    """`module:Name` of a class or function; of an object, its class's."""
+    """Place `module:Name` of a class or function, or of an object's class."""
     found = kind if hasattr(kind, "__qualname__") else type(kind)
     return f"{found.__module__}:{found.__qualname__}"
 
 
 def same_place(one: Any, other: Any) -> bool:
-    """Whether two classes or functions are one that was defined twice."""
+    """Return True if two classes or functions have one place, as after a second definition."""
     both = hasattr(one, "__qualname__") and hasattr(other, "__qualname__")
     return both and place_of(one) == place_of(other)
 
 
 def from_plugin(kind: Any) -> bool:
-    """Whether a file that GLIDER_TWIN_PLUGINS names has written it."""
+    """Return True if a file that GLIDER_TWIN_PLUGINS names defines this type."""
     return place_of(kind).startswith(PLUGIN_MODULE)
 
 
 def importable(kind: Any) -> bool:
-    """Whether a process that is started by this one finds a kind by its module and name."""
+    """Return True if a child process can import a type by its module and name."""
     module, _, name = place_of(kind).partition(":")
     if "<locals>" in name:
         return False
@@ -126,7 +125,7 @@ def load_entry_point(point: importlib.metadata.EntryPoint, what: str) -> Any:
       what: noun and name of the object, for errors.
 
     Raises:
-      InputError: it cannot be imported, or a plugin of this project is of another version.
+      InputError: the import fails, or a plugin of this project has another version.
     """
     if point.dist and point.dist.name.startswith(OWN_PLUGINS) and point.dist.version != __version__:
         raise InputError(
@@ -137,7 +136,7 @@ def load_entry_point(point: importlib.metadata.EntryPoint, what: str) -> Any:
         return point.load()
     except TwinError:
         raise
-    except Exception as error:  # any import can fail in any way
+    except Exception as error:  # importing foreign code can raise anything
         raise InputError(
             f"{origin_of(point)} offers the {what} as {point.value}, which cannot be loaded: "
             f"{type(error).__name__}: {error}"
@@ -145,5 +144,5 @@ def load_entry_point(point: importlib.metadata.EntryPoint, what: str) -> Any:
 
 
 def origin_of(point: importlib.metadata.EntryPoint) -> str:
-    """Name the distribution that an entry point is of."""
+    """Text that names the distribution of an entry point."""
     return f"distribution {point.dist.name!r}" if point.dist else "an entry point"

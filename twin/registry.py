@@ -1,14 +1,14 @@
-"""Registry: the kinds of one seam by name: shipped, registered by the user, or from entry points.
+"""Registry: the types of one extension point by name: shipped, registered, or from entry points.
 
-Nothing is imported before it is asked for: shipped kinds are known by the place to import them
-from (`twin.seams`), and an installed distribution adds its own under the seam's entry-point group:
+Each type is imported when its name is first looked up. Shipped types are known by their import
+place (`twin.seams`); an installed distribution adds types under the registry's entry-point group:
 
     [project.entry-points."glider_twin.sensors"]
     turbidity = "my_package.turbidity:Turbidity"
 
-For kinds in a single file, the environment variable `GLIDER_TWIN_PLUGINS` names Python files that
-call a seam's `register`, separated as in PATH. Worker processes inherit the variable and so know
-the same kinds. Kinds that a program registers itself are handed over with `registered` and `adopt`.
+For types in a single file, the environment variable `GLIDER_TWIN_PLUGINS` names Python files that
+call `register`, separated as in PATH. Worker processes inherit the variable and so know the same
+types. `registered` and `adopt` hand over to workers the types that a program registers itself.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from twin.plugins import PLUGIN_MODULE, PLUGINS, PROGRAMS, imported, place_of, r
 
 Kind = TypeVar("Kind")
 NAMES = re.compile(r"\w[\w-]*")
-"""Pattern of a kind's name, which stands in files and on command lines"""
+"""Pattern of a type's name, which stands in files and on command lines"""
 
 
 class Registry(Mapping[str, Kind]):
-    """Kinds by name, in the order in which they became known; a kind is checked when it is loaded.
+    """Types by name, in the order in which they became known; a type is checked when it is loaded.
 
-    A name that is not there raises `UnknownName`, which is an `InputError` and a `KeyError`.
+    An unknown name raises `UnknownName`, which is an `InputError` and a `KeyError`.
     """
 
     def __init__(
@@ -54,28 +54,27 @@ class Registry(Mapping[str, Kind]):
         former: str = "",
         compiled: bool = False,
     ):
-        """Make the registry of one seam.
+        """Make the registry of one extension point.
 
         Args:
-          noun: what a kind is called in errors.
-          group: of the entry points that add kinds.
-          base: the class that a kind is derived from, or an object of. Its method `flaw`, where it
-            has one, says as a clause what a kind lacks; nothing: it is whole.
-          folder: where the shipped kinds lie.
-          page: of docs/ that shows one of your own, with its anchor.
-          shipped: `package.module:attribute` by name.
-          apart: by name, the folder of this project's `plugins/` that brings a kind.
-          name: attribute of a kind that holds its name; empty: a kind bears none.
+          noun: name of a type in errors, such as "sensor".
+          group: group of the entry points that add types.
+          base: base class, `package.Name`. Its method `flaw`, if there is one, returns the defect
+            of a type as a clause; an empty text means no defect.
+          folder: folder of the shipped types.
+          page: page of docs/, with its anchor, that shows how to write a type of your own.
+          shipped: places `package.module:attribute` of the shipped types, by name.
+          apart: folders below this project's `plugins/` that bring further types, by type name.
+          name: attribute in which a type holds its name; empty where types hold no name.
           words: attributes that must hold a text.
-          objects: whether kinds are objects of `base`, in place of classes.
-          error: class of what is raised for a kind that is only half there.
-          check: of kinds that are functions, in place of all that: returns the kind, or raises. A
-            text `package.module:function` is imported when the first kind is checked.
-          check_shipped: whether shipped kinds are checked when they are loaded; without it only
-            the tests check them.
-          former: another group of entry points, of an older version.
-          compiled: whether compiled functions have a branch for each kind, and are made again when
-            kinds come or go.
+          objects: registered types are objects of `base`, not classes.
+          error: class of the error for an incomplete type.
+          check: function that replaces the checks above for functions: returns the type or raises.
+            A text `package.module:function` is imported at the first check.
+          check_shipped: check shipped types when they are loaded; if False only tests check them.
+          former: group of entry points that an older version used.
+          compiled: compiled functions have a branch for each type, and are compiled again when
+            types come or go.
         """
         self.noun, self.group = noun, group
         self.folder, self.base, self.page = folder, base, page
@@ -88,7 +87,7 @@ class Registry(Mapping[str, Kind]):
         self._loaded: dict[str, Kind] = {}
 
     def add(self, kind: Any) -> Any:
-        """`register` a kind under the name that it bears itself, and return it: a decorator."""
+        """Register a type under its own name and return the type: a decorator."""
         name = getattr(kind, self._name, "")
         if not isinstance(name, str) or not name:
             raise InputError(
@@ -98,14 +97,14 @@ class Registry(Mapping[str, Kind]):
         return kind
 
     def register(self, name: str, kind: Any = None) -> Any:
-        """Add a kind of your own for this process; `@REGISTRY.register(name)` decorates it.
+        """Add a type of your own for this process; `@REGISTRY.register(name)` decorates a type.
 
-        The same one may be registered again; a class or function that was defined again at the
-        same place, as when a notebook's cell is run twice, replaces the first. A kind of your own
-        comes before an installed distribution's of that name, which is usually the same one.
+        A type may be registered twice. A class or function that is defined again at the same
+        place, as when a notebook's cell runs twice, replaces the first. A registered type takes
+        precedence over an installed distribution's type of that name, usually the same type.
 
         Raises:
-          InputError: the name is taken by another kind, or the kind is only half there.
+          InputError: the name is taken by another type, or the type is incomplete.
         """
         if kind is None:
             return functools.partial(self.register, name)
@@ -124,7 +123,7 @@ class Registry(Mapping[str, Kind]):
         return kind
 
     def _check_among(self, kinds: dict[str, Kind], name: str, kind: Any) -> None:
-        """Keep a kind among `kinds` when it is whole; its check may look it up by its name."""
+        """Add a type to `kinds`, and remove it if its check fails; the check may look it up."""
         kinds[name] = kind
         try:
             kinds[name] = self.check(name, kind)
@@ -133,7 +132,7 @@ class Registry(Mapping[str, Kind]):
             raise
 
     def unregister(self, name: str) -> None:
-        """Forget a kind that `register` added; raises UnknownName when there is none."""
+        """Remove a type that `register` added; raise UnknownName if there is none of that name."""
         if name not in self._registered:
             raise UnknownName(f"registered {self.noun}", name, self._registered)
         del self._registered[name]
@@ -144,7 +143,7 @@ class Registry(Mapping[str, Kind]):
             imported("twin.compiled:changed")()
 
     def check(self, name: str, kind: Any) -> Kind:
-        """The kind when it is whole; raises an error that says what it lacks otherwise."""
+        """Return the type if it is complete; raise an error that names the defect otherwise."""
         if self._check:
             check: Any = imported(self._check) if isinstance(self._check, str) else self._check
             return check(name, kind)
@@ -154,7 +153,7 @@ class Registry(Mapping[str, Kind]):
         return kind
 
     def _flaw(self, name: str, kind: Any) -> str:
-        """Flaw of a kind as a clause; empty where there is none."""
+        """Defect of a type as a clause; empty where there is none."""
         base = imported(":".join(self.base.rsplit(".", 1)))
         derived = isinstance(kind, type) and issubclass(kind, base)
         if not (isinstance(kind, base) if self._objects else derived):
@@ -173,38 +172,38 @@ class Registry(Mapping[str, Kind]):
         return kind.flaw(name) if hasattr(kind, "flaw") else ""
 
     def code(self, name: str) -> int:
-        """Number by which compiled code knows a kind, the same in every process."""
+        """Number by which compiled code knows a type, equal in every process."""
         self[name]
         return zlib.crc32(name.encode())
 
     def kernels(self, attribute: str) -> dict[int, Any]:
-        """Compiled functions that kinds have in an attribute, by code; without None."""
+        """Compiled functions in one attribute of all types, by the types' codes, without None."""
         found = {self.code(name): getattr(kind, attribute) for name, kind in self.items()}
         return {code: kernel for code, kernel in found.items() if kernel is not None}
 
     def loaded(self) -> tuple[Kind, ...]:
-        """The kinds that have been used or registered so far."""
+        """Types that have been loaded or registered so far."""
         return (*self._loaded.values(), *self._registered.values())
 
     def registered(self) -> dict[str, Kind]:
-        """Kinds that another process has to be told of: those that neither a file named by
-        `GLIDER_TWIN_PLUGINS` nor an entry point registers there as well."""
+        """Registered types that must be handed to another process: types that no file named by
+        `GLIDER_TWIN_PLUGINS` registers there by itself."""
         return {
             name: kind for name, kind in self._registered.items() if not plugins.from_plugin(kind)
         }
 
     def adopt(self, kinds: Mapping[str, Any]) -> None:
-        """In another process: register what `registered` gave in the first one."""
+        """Register in this process the types that `registered` returned in another process."""
         run_plugins()
         for name, kind in kinds.items():
             if name not in self._registered:
                 self.register(name, kind)
 
     def check_importable(self, name: str) -> None:
-        """Make sure that another process can import a kind.
+        """Check that another process can import a type.
 
         Raises:
-          InputError: it is not found by its module's name, as one in a notebook.
+          InputError: the type's module cannot be imported there, as for a type in a notebook.
         """
         kind = self.registered().get(name)
         if kind is not None and not plugins.importable(kind):
@@ -214,14 +213,14 @@ class Registry(Mapping[str, Kind]):
             )
 
     def place(self, name: str) -> str:
-        """`module:Name` of a kind that is not shipped, empty for a shipped one."""
+        """Place `module:Name` of a type that is not shipped; empty for a shipped type."""
         return "" if name in self._places else place_of(self[name])
 
     def unknown(self, name: str, place: str = "") -> UnknownName:
-        """The error for a name without a kind.
+        """Make the error for an unknown name.
 
         Args:
-          place: where a file says that the kind was, as `place` gave it.
+          place: place of the type that a file recorded, as the method `place` returned it.
         """
         if name in self._apart:
             hint = f"; {name} {self.source(name)}"
@@ -236,15 +235,15 @@ class Registry(Mapping[str, Kind]):
         return UnknownName(self.noun, name, self, hint=f"; for one of your own, {ways}")
 
     def source(self, name: str) -> str:
-        """Which plugin of this project brings a kind that is not here, in words."""
+        """Text that says which plugin of this project brings a missing type."""
         return f"comes with a plugin: {plugins.installation(self._apart[name])}"
 
     def shipped(self) -> tuple[str, ...]:
-        """Names of the kinds that come with the package."""
+        """Names of the types that come with the package."""
         return tuple(self._places)
 
     def names(self) -> tuple[str, ...]:
-        """Every name, without importing what installed distributions bring."""
+        """Names of all types, without importing those of installed distributions."""
         return tuple(self)
 
     def __getitem__(self, name: str) -> Kind:
@@ -281,7 +280,7 @@ class Registry(Mapping[str, Kind]):
 
     @functools.cached_property
     def _offered(self) -> dict[str, importlib.metadata.EntryPoint]:
-        """Entry points of installed distributions; a shipped name stays the shipped kind's."""
+        """Entry points of installed distributions; raise InputError if one has a shipped name."""
         found: dict[str, importlib.metadata.EntryPoint] = {}
         for group in self._groups:
             for point in importlib.metadata.entry_points(group=group):

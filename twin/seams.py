@@ -1,4 +1,4 @@
-"""Seams: the kinds of one sort, a row each: by what name they are known and where they lie."""
+"""Extension points: one registry for each sort of type, with the shipped names and their places."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _FEATURES = (
     "shift_command sin_rotation_command cos_rotation_command pump_command "
     "flight_surge flight_sway flight_attack"
 )
-"""In the order in which networks take them."""
+"""Names of the shipped features, in the order of a network's inputs"""
 
 CURRENTS: Registry[Any] = Registry(
     "current",
@@ -46,7 +46,7 @@ CURRENTS: Registry[Any] = Registry(
     compiled=True,
     check_shipped=False,
 )
-"""Kinds of current. A class may set `code`, its number in compiled programs."""
+"""Types of current. A class may set `code`, its number in compiled programs."""
 
 SENSORS: Registry[Any] = Registry(
     "sensor",
@@ -67,7 +67,7 @@ SENSORS: Registry[Any] = Registry(
         "ctd": "twin.sensors.ctd:Ctd",
     },
 )
-"""Sensors; the shipped ones are in every suite."""
+"""Types of sensor; the shipped sensors are in every suite."""
 
 PARTS: Registry[Any] = Registry(
     "vehicle part",
@@ -88,7 +88,7 @@ PARTS: Registry[Any] = Registry(
     error=VehicleError,
     compiled=True,
 )
-"""Parts that a vehicle file names."""
+"""Types of part that a vehicle file may name."""
 
 LAWS: Registry[Any] = Registry(
     "hull law",
@@ -105,7 +105,7 @@ LAWS: Registry[Any] = Registry(
     error=VehicleError,
     compiled=True,
 )
-"""Laws of drag, lift and moments."""
+"""Hull laws: drag, lift and moments on a hull."""
 
 SEGMENTS: Registry[Any] = Registry(
     "kind of segment",
@@ -127,7 +127,7 @@ SEGMENTS: Registry[Any] = Registry(
     name="kind",
     error=MissionError,
 )
-"""Segments of a mission."""
+"""Types of segment of a mission."""
 
 FEATURES: Registry[Any] = Registry(
     "feature",
@@ -140,7 +140,7 @@ FEATURES: Registry[Any] = Registry(
     objects=True,
     check_shipped=False,
 )
-"""Inputs of networks, in their order."""
+"""Features: inputs of networks, in their order."""
 
 VELOCITY_ESTIMATORS: Registry[Any] = Registry(
     "velocity estimator",
@@ -161,7 +161,7 @@ VELOCITY_ESTIMATORS: Registry[Any] = Registry(
     words=("summary",),
     check_shipped=False,
 )
-"""Velocities through the water, on board and as baselines, with which networks are compared."""
+"""Estimators of velocity through the water: on board, and as baselines to compare networks with."""
 
 FLIGHT_ESTIMATORS: Registry[Any] = Registry(
     "flight estimator",
@@ -176,7 +176,7 @@ FLIGHT_ESTIMATORS: Registry[Any] = Registry(
     name="kind",
     words=("summary",),
 )
-"""Velocities through the water of a logged dive."""
+"""Estimators of the velocity through the water in a logged dive."""
 
 FIGURES: Registry[Any] = Registry(
     "figure",
@@ -202,7 +202,7 @@ FIGURES: Registry[Any] = Registry(
     words=("summary",),
     objects=True,
 )
-"""Figures of one mission, by the name that the command line uses."""
+"""Figures of one mission, by their names on the command line."""
 
 FAULTS: Registry[Any] = Registry(
     "fault",
@@ -233,7 +233,7 @@ FAULTS: Registry[Any] = Registry(
     name="kind",
     words=("says", "size_name", "source", "shows", "otherwise", "find_out"),
 )
-"""Faults of a vehicle."""
+"""Types of fault of a vehicle."""
 
 TASKS: Registry[Any] = Registry(
     "task",
@@ -250,7 +250,7 @@ TASKS: Registry[Any] = Registry(
     name="__name__",
     check="twin.control.registry:check_task",
 )
-"""Control tasks."""
+"""Control tasks for dm_control, by name."""
 
 RANDOMISERS: Registry[Any] = Registry(
     "randomiser",

@@ -1,1 +1,1 @@
-"""One module per subcommand of `learn`; each is imported only when it is called."""
+"""Commands: subcommands of `learn`, a module each, which is imported only when called."""

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluate(JsonOption):
-    """Networks, floor and baselines on the missions of a store: velocities and dead reckoning.
+    """Evaluate a run's networks and baselines on a store: velocity and dead-reckoning errors.
 
     Example:
 
@@ -37,15 +37,15 @@ class Evaluate(JsonOption):
     store: Annotated[StoreArgument | None, tyro.conf.Positional] = None
     """store of missions [default: the one that the run was trained on]"""
     split: Literal["test", "train", "validation", "all"] = "test"
-    """which missions"""
+    """missions to evaluate"""
     tracks: Path | None = None
-    """write the dead-reckoned tracks to this file (.nc, .zarr, .npz or .csv), as
-    `twin render --tracks` reads them"""
+    """write the dead-reckoned tracks to this file (.nc, .zarr, .npz or .csv), for
+    `twin render --tracks`"""
     out: Path | None = None
     """write a page with tables and figures into this folder"""
 
     def run(self, console: Console) -> int:
-        """Evaluate, print, write what was asked for."""
+        """Evaluate, print the tables, write the tracks and the page if asked."""
         from learn import evaluate
         from learn.evaluation import TrackCollector, check_target, sentences
         from learn.files import check_file, check_folder
@@ -59,7 +59,7 @@ class Evaluate(JsonOption):
             raise InputError(f"{store} holds real logs without true tracks: leave --tracks out")
         collector = TrackCollector()
         watches = [] if self.tracks is None else [collector.add]
-        # the evaluation takes minutes: a place that refuses it is found out before
+        # the evaluation takes minutes, so output paths are checked first
         if self.tracks is not None:
             check_target(self.tracks)
             check_file(self.tracks, "--tracks", folder=self.tracks.suffix == ".zarr")
@@ -124,7 +124,7 @@ class Evaluate(JsonOption):
 
 
 def _count(store: StoreArgument, split: str) -> int:
-    """Missions that will be evaluated; errors as `Selection`."""
+    """Number of missions to evaluate; errors as in `Selection`."""
     from learn.data import Selection, any_channel
 
     with Selection(store, any_channel(store), split=split) as selection:

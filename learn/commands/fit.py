@@ -1,4 +1,4 @@
-"""`learn fit`: train both networks, judge them, write a run with its page."""
+"""`learn fit`: train networks for surge and sway, evaluate them, write a run with its page."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Fit(FitSettings, JsonOption):
-    """Train surge and sway networks on a store, judge them by dead reckoning, write a report.
+    """Train surge and sway networks on a store, evaluate dead reckoning, write a report.
 
-    Several stores, each of its own vehicle, train networks of a family of vehicles.
+    Several stores, one vehicle each, train networks for a family of vehicles.
 
     Examples:
 
@@ -37,31 +37,31 @@ class Fit(FitSettings, JsonOption):
     """
 
     store: Annotated[tuple[StoreArgument, ...], tyro.conf.Positional] = ()
-    """store of missions, or several [default: data/missions.zarr]"""
+    """one or more stores of missions [default: data/missions.zarr]"""
     name: str | None = None
     """name of the run, its folder in runs/ [default: date and number]"""
     no_mirror: bool = False
-    """do not show every mission mirrored too, port for starboard: for a lopsided vehicle"""
+    """leave out the mirror image of each mission, port for starboard: for an asymmetric vehicle"""
     workers: int | None = None
-    """networks trained at a time, a process each [default: the CPUs that this process may use]"""
+    """number of processes, one network each [default: the CPUs that this process may use]"""
     scheduler: str | None = None
     """train on the workers of a dask scheduler instead, such as tcp://127.0.0.1:8786; they must
     reach runs/ and the store by the same paths (needs the extra cluster)"""
     memory: float | None = None
-    """GB for the training data; a store that needs more is streamed, with the same result. With
-    --scheduler it is for each network [default: half of the memory that is free]"""
+    """GB for the training data, with --scheduler per network; a larger store is streamed, with the
+    same result [default: half of the free memory]"""
     no_report: bool = False
-    """train alone: `learn report` judges the networks and draws the page later"""
+    """only train: `learn report` evaluates the networks and writes the page later"""
     tensorboard: bool = False
-    """write TensorBoard events into the run too (needs the package tensorboard)"""
+    """also write TensorBoard events into the run (needs the package tensorboard)"""
     resume: bool = False
-    """continue the run of this --name and its settings; start it if it is missing"""
+    """continue the run of this --name with its own settings; start it if it is missing"""
     overwrite: bool = False
     """replace the run of this --name once the new one is trained; --overwrite --resume continues
-    such a replacement"""
+    an interrupted replacement"""
 
     def run(self, console: Console) -> int:
-        """Train, judge, report."""
+        """Train, evaluate, write the report."""
         from learn.finishing import check_finish, finish
         from learn.report import tell_report
         from learn.run_folder import training_folder
@@ -111,19 +111,19 @@ class Fit(FitSettings, JsonOption):
                 continue
             if isinstance(allowed, tuple):
                 raise InputError(unknown_name(f"word for --{option}", given, allowed))
-            _ = allowed[given]  # says what there is
+            _ = allowed[given]  # a registry, whose error lists the known names
 
     def _folder(self) -> Path:
         return RUNS / (free_name() if self.name is None else checked_name(self.name))
 
 
 class Watcher:
-    """Progress of all networks of a run, and TensorBoard events when asked."""
+    """Show the training progress of a run's networks, and write TensorBoard events if asked."""
 
     def __init__(self, console: Console, config: FitConfig, folder: Path, *, events: bool) -> None:
         self._progress = console.progress(total=len(config.jobs()), label="fit", unit="networks")
         self._shares: dict[str, float] = {}
-        """How far each network is, 0 to 1"""
+        """Progress of each network, 0 to 1"""
         self._folder, self._events, self._prog = folder, events, console.prog
         self._writer: Any = None
 
@@ -137,11 +137,11 @@ class Watcher:
             self._writer.close()
 
     def say(self, text: str) -> None:
-        """A note, a line of its own."""
+        """Print a note on its own line."""
         self._progress.note(text)
 
     def warn(self, text: str) -> None:
-        """A warning, a line of its own."""
+        """Print a warning on its own line."""
         self._progress.note(f"{self._prog}: warning: {text}")
 
     def see(self, job: TrainingJob, report: TrainingReport) -> None:
@@ -152,15 +152,15 @@ class Watcher:
         self._progress.update(report.share - self._shares.get(job.name, 0.0), **figures)
         self._shares[job.name] = report.share
         if self._events:
-            # made late: a folder that is in the way of the run must not come from here
+            # created late: an early events folder would count as an existing run folder
             self._writer = self._writer or event_writer_type()(str(self._folder / "events"))
             for name in ("train_mse", "validation_mse", "rate"):
                 self._writer.add_scalar(f"{job.name}/{name}", getattr(report, name), report.step)
-            self._writer.flush()  # the folder may be copied when the last network is trained
+            self._writer.flush()  # a replacement copies the folder after the last network
 
 
 def event_writer_type() -> Any:
-    """TensorBoard's writer, imported when it is wanted."""
+    """Import TensorBoard's event writer."""
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError as error:

@@ -21,7 +21,7 @@ from twin.errors import InputError
 
 @dataclass(frozen=True, kw_only=True)
 class Compare(JsonOption):
-    """Runs side by side: as they were judged when fitted, or again on one store.
+    """Compare runs: their evaluations from `learn fit`, or new ones on one store.
 
     Example:
 
@@ -31,9 +31,9 @@ class Compare(JsonOption):
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN ...")] = ()
     """folders or names of runs [default: the newest in runs/]"""
     store: Path | None = None
-    """evaluate all of them on this store instead of reading what each has on its own"""
+    """evaluate all runs on this store instead of reading their own evaluations"""
     split: str = "test"
-    """which missions of --store: test, train, validation or all"""
+    """missions of --store to evaluate: test, train, validation or all"""
 
     def run(self, console: Console) -> int:
         """Print one table."""
@@ -66,12 +66,12 @@ class Compare(JsonOption):
 
 @dataclass(frozen=True, kw_only=True)
 class Adapt(JsonOption):
-    """A run that knows one vehicle by its first dives: a new run, which `learn evaluate`, `learn
-    export` and `--navigate network:RUN` take as any other.
+    """Adapt a run to one vehicle from its first dives, as a new run for `learn evaluate`, `learn
+    export` and `--navigate network:RUN`.
 
-    Fitted are drag, lift slope, drag due to lift, ballast, compressibility and the offsets of two
-    accelerometers, which the flight filter then begins with and goes on from. Held-back dives
-    decide whether anything is changed.
+    The fit finds drag, lift slope, drag due to lift, ballast, compressibility and the offsets of
+    two accelerometers. A flight filter then starts from them, if they predict held-back dives
+    better than the vehicle file does.
 
     Example:
 
@@ -83,18 +83,18 @@ class Adapt(JsonOption):
     store: Annotated[StoreArgument, tyro.conf.Positional, tyro.conf.arg(metavar="LOGS")]
     """store of the vehicle's dives, as `factory import` writes it"""
     name: str | None = None
-    """of the new run [default: RUN-adapted]"""
+    """name of the new run [default: RUN-adapted]"""
     missions: tuple[int, ...] = ()
-    """rows of the store, of this one vehicle [default: all]"""
+    """rows of the store, all of this one vehicle [default: all]"""
     dives: int = 5
-    """how many, from the first on"""
+    """number of dives to fit, from the first on"""
     labels: Literal["none", "dvl"] = "none"
-    """velocities to learn from: none but the depth's, or those of a Doppler log in water lock"""
+    """velocities to fit: none, for the depth's rate alone, or a Doppler log's water track too"""
     overwrite: bool = False
-    """replace a run of that name"""
+    """replace a run with the new run's name"""
 
     def run(self, console: Console) -> int:
-        """Fit, say what was found, write the new run."""
+        """Fit, write the new run, print the result."""
         from learn import adapt, open_run
         from learn.run import RUNS, checked_name
 
@@ -132,8 +132,8 @@ WIDTH = 100
 
 @dataclass(frozen=True, kw_only=True)
 class ExportNetwork(JsonOption):
-    """One ONNX model per network, one time step with explicit state; or one C99 header from sensor
-    samples to surge and sway. Checked over a mission.
+    """Export one ONNX model per network, or one C99 header from sensor samples to surge and sway,
+    and compare each file with the networks over a mission.
 
     Example:
 
@@ -143,14 +143,14 @@ class ExportNetwork(JsonOption):
     run_folder: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")] = None
     """folder or name of the run [default: the newest in runs/]"""
     to: Literal["onnx", "c"] = "onnx"
-    """onnx: networks alone; c: networks and the features that they see"""
+    """onnx: networks without their inputs' computation; c: both"""
     store: Path | None = None
     """store of the mission for the check [default: the run's own]"""
     out: Path | None = None
     """folder for the models [default: onnx/ or c/ in the run]"""
 
     def run(self, console: Console) -> int:
-        """Export, check, say where."""
+        """Export, check, print the paths."""
         from learn import export
 
         folder = self.run_folder or newest_run().folder
@@ -196,7 +196,7 @@ class ExportNetwork(JsonOption):
 
 @dataclass(frozen=True, kw_only=True)
 class Report(JsonOption):
-    """Judge the networks of a trained run on its store, and write its page, as `learn fit` does.
+    """Evaluate the networks of a trained run on its store and write its page, as `learn fit` does.
 
     Example:
 
@@ -207,7 +207,7 @@ class Report(JsonOption):
     """folder or name of the run [default: the newest in runs/]"""
 
     def run(self, console: Console) -> int:
-        """Judge and report."""
+        """Evaluate and write the report."""
         from learn.finishing import finish
         from learn.report import tell_report
 

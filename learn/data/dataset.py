@@ -1,8 +1,8 @@
 """Dataset: missions of a store as arrays, all at once or a few at a time.
 
-A row of a store of logs is one dive. Its truth is there only where a current profiler or a Doppler
-log was; elsewhere it is missing, and missing values are neither learned from nor scored. In
-simulated stores a missing value stays an error.
+A row of a store of logs is one dive. The true velocity of a log is known only where a current
+profiler or a Doppler log measured. Other samples are neither learned from nor scored. In simulated
+stores a missing value is an error.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from twin.records.store import check_filled
 Floats = NDArray[np.float32]
 
 Division = Literal["missions", "samples"]
-"""What is divided into training, validation and test: see `learn.data.preparation.prepare`."""
+"""Unit that is divided into training, validation and test, see `learn.data.preparation.prepare`."""
 TARGETS = {"surge": "true_surge", "sway": "true_sway"}
-"""What the networks learn: velocities through the water [m/s], body FRD."""
+"""[m/s] Velocities through the water that networks learn, body FRD, with their true channels."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -45,9 +45,9 @@ class MissionSequence:
     period: float
     """[s] between samples."""
     signals: Mapping[str, NDArray[np.float64]]
-    """By schema name, each (time,)."""
+    """Signals by schema name, each (time,)."""
     row: LogRow | None = None
-    """What a store of real logs says of it; None in a simulated one."""
+    """Attributes of the row in a store of real logs; None in a simulated store."""
 
     @property
     def samples(self) -> int:
@@ -61,8 +61,8 @@ class MissionSequence:
     def target(self, name: str) -> Floats:
         """`surge` or `sway` [m/s], (time,); NaN where a real log has no truth.
 
-        Where a log's only truth is the speed through the water, surge is that speed and sway zero:
-        at a glider's angles of attack and sideslip, below 5 degrees, surge is less by 0.4 %.
+        If a log has only the speed through the water, surge equals that speed and sway is zero: at
+        angles of attack and sideslip below 5 degrees, true surge is less by at most 0.4 %.
 
         Raises:
           StoreError: the mission lacks it or, in a simulated store, it is not finite.
@@ -95,7 +95,7 @@ def load_missions(
     period: float | None = None,
     spread: FlightSpread | None = None,
 ) -> list[MissionSequence]:
-    """All missions of a part of a store at once; arguments and errors as of `Selection`."""
+    """Load all missions of a store's split at once; arguments and errors as in `Selection`."""
     with Selection(
         store, channels, split=split, limit=limit, period=period, spread=spread
     ) as selection:
@@ -103,9 +103,9 @@ def load_missions(
 
 
 class Selection:
-    """Missions of one part of a store: known by their lengths, read when they are asked for.
+    """Missions of a store's split: lengths are known at once, signals are read on request.
 
-    A context manager. Only one thread may read at a time.
+    A selection is a context manager. Only one thread may read at a time.
     """
 
     def __init__(
@@ -124,17 +124,17 @@ class Selection:
 
         Args:
           store: path of a zarr store of the schema.
-          channels: schema names to read, and estimated channels to work out.
+          channels: schema names to read, and estimated channels to compute.
           split: train, validation, test or all.
-          limit: take at most so many missions.
+          limit: largest number of missions.
           period: [s] between samples, a multiple of the store's; None takes all samples.
-          start: of the second flight filter of networks that adapted, whose ADAPTED come beside.
-          spread: how far hulls may be from their file, for the flight filter.
-          advise: what else to do about channels that are missing or damaged, for errors.
+          start: start of an adapted run's second flight filter, which adds the channels ADAPTED.
+          spread: prior spread of hulls about the vehicle file, for the flight filter.
+          advise: function from missing or damaged channels to advice, for errors.
 
         Raises:
-          StoreError: no store, an empty or damaged one, no split in it, an unknown part, a missing
-            channel, samples that are not equally spaced, or too few for `period`.
+          StoreError: the store is missing, empty, damaged or without splits; the split is unknown;
+            a channel is missing; samples are not equally spaced, or too few for `period`.
         """
         if split not in (*SPLITS, "all"):
             raise StoreError(unknown_name("split", split, [*SPLITS, "all"]))
@@ -153,10 +153,10 @@ class Selection:
         reader, store, count = self._reader, self._reader.path, len(self._reader)
         check_filled(min(count, reader.dataset.sizes.get(TIME, 0)), f"store {store}")
         self.vehicle = reader.vehicle if set(names) & set(ESTIMATED) else None
-        """As its file says, where estimated channels are worked out for it."""
+        """Vehicle from the store, if estimated channels are computed for it."""
         names = sources(names)
         self._log_rows = reader.log_rows if isinstance(reader, LogStore) else None
-        if self._log_rows is not None:  # a log has the truth that it has
+        if self._log_rows is not None:  # a log may lack any of the true channels
             names = tuple(name for name in names if name in reader or not name.startswith("true_"))
         missing = [name for name in names if name not in reader]
         if missing:
@@ -183,11 +183,11 @@ class Selection:
             )
         self._stored = stored
         self.store: str | StorePath = store
-        """Where it is."""
+        """Path of the store."""
         self.rows = rows
         """Row in the store of each mission."""
         self.splits: list[str] = parts[rows].tolist()
-        """Of each mission; `all` where the store does not say."""
+        """Split of each mission; `all` if the store has no splits."""
         self.lengths: NDArray[np.int64] = -(-stored // step)
         """Samples of each mission."""
         self.period = have * step
@@ -204,21 +204,21 @@ class Selection:
 
     @property
     def logged(self) -> bool:
-        """Whether these are dives that a vehicle has logged."""
+        """True if the missions are logged dives of a real vehicle."""
         return self._log_rows is not None
 
     def close(self) -> None:
-        """Let go of the store's files."""
+        """Close the store's files."""
         self._reader.close()
 
     def read(self, places: Sequence[int] | NDArray[np.int64]) -> list[MissionSequence]:
-        """The missions at these places of the selection, in their order.
+        """Read the missions at these indices of the selection, in the given order.
 
         Raises:
-          StoreError: a file is damaged, or a value is not possible (`twin.records.schema.limits`).
+          StoreError: a file is damaged, or a value is outside `twin.records.schema.limits`.
         """
         places = np.asarray(places, np.int64)
-        order = np.argsort(places, kind="stable")  # the store is read from its start to its end
+        order = np.argsort(places, kind="stable")  # sequential reads: each shard is opened once
         rows, reader = self.rows[places[order]], self._reader
         signals: list[dict[str, NDArray[np.float64]]] = [{} for _ in places]
         for name in self._names:
@@ -253,7 +253,7 @@ class Selection:
         ]
 
     def each(self, places: Iterable[int] | None = None) -> Iterator[MissionSequence]:
-        """The missions at these places, or all, one after the other; few are in memory at a time.
+        """Iterate over the missions at these indices, or all, with few in memory at a time.
 
         Raises:
           StoreError: see `read`.
@@ -262,7 +262,7 @@ class Selection:
             yield from self.read(group)
 
     def groups(self, most: int) -> Iterator[list[MissionSequence]]:
-        """All missions in groups of at most `most`; only one group is in memory.
+        """Iterate over all missions in groups of at most `most`; one group is in memory at a time.
 
         Raises:
           StoreError: see `read`.
@@ -272,11 +272,11 @@ class Selection:
 
 
 AT_A_TIME = 2**17
-"""Samples that are read in one go: their channels take 30 MB before they become features."""
+"""Largest number of samples per read: their channels take 30 MB before they become features."""
 
 
 def pieces(places: Iterable[int], lengths: NDArray[np.int64]) -> Iterator[list[int]]:
-    """Places in runs of at most AT_A_TIME samples, or of a single longer mission."""
+    """Group indices of missions, at most AT_A_TIME samples or one longer mission per group."""
     group: list[int] = []
     samples = 0
     for place in places:
@@ -290,13 +290,13 @@ def pieces(places: Iterable[int], lengths: NDArray[np.int64]) -> Iterator[list[i
 
 
 def any_channel(store: str | StorePath) -> tuple[str, ...]:
-    """A channel that a store has whatever its vehicle measured: to ask for its missions alone."""
+    """Name of a channel that the store has, for a `Selection` of which only lengths are needed."""
     with MissionStore(store) as reader:
         return ("measured_depth",) if "measured_depth" in reader else ("measured_gap",)
 
 
 def open_reader(store: str | StorePath) -> MissionStore:
-    """A store as what it is, simulated or logged.
+    """Open a store with the reader for its type, simulated or logged.
 
     Raises:
       StoreError: see `twin.records.reader.MissionStore`.
@@ -309,7 +309,7 @@ def open_reader(store: str | StorePath) -> MissionStore:
 
 
 def _signal(name: str, values: Any, step: int, real: bool) -> NDArray[np.float64]:
-    """A channel with every `step`-th sample; of a log without holes, truth the nearest one."""
+    """Every `step`-th sample of a channel; gaps of logs are filled, true values by `nearest`."""
     values = np.asarray(values, np.float64)
     if not real:
         return values[::step]
@@ -317,10 +317,10 @@ def _signal(name: str, values: Any, step: int, real: bool) -> NDArray[np.float64
 
 
 def thinning_step(have: float, want: float, store: str | StorePath) -> int:
-    """Every which sample of a store gives one every `want` [s].
+    """Step between samples that thins a store's period `have` [s] to `want` [s].
 
     Raises:
-      StoreError: the store has too few samples, or `want` is not a multiple of its period.
+      StoreError: `want` is not a multiple of `have`.
     """
     step = round(want / have) if math.isfinite(want) else 0
     if step < 1 or abs(step * have - want) > TOLERANCE * have:
@@ -334,22 +334,21 @@ def thinning_step(have: float, want: float, store: str | StorePath) -> int:
 
 
 TOLERANCE = 1e-3
-"""Part of a sample by which a wanted period may miss a multiple of the store's."""
+"""[1] Fraction of the store's period by which a wanted period may miss a multiple of it."""
 
 
 Array = NDArray[np.float64]
 
 SPEED = "true_speed"
-"""Truth of a log with a Doppler log only."""
+"""Channel of the speed through the water, which only logs with a Doppler log have."""
 NO_BRIDGE = ("measured_gps", "measured_dvl")
-"""Beginnings of channels whose holes say that nothing was measured."""
+"""Prefixes of channels that are not interpolated: a gap means that nothing was measured."""
 
 
 def filled(name: str, values: Array) -> Array:
-    """A channel with holes bridged by straight lines; truth, fixes and what a Doppler log measured
-    stay as they are.
+    """Fill the gaps of a channel by linear interpolation.
 
-    A channel without any value stays without.
+    True channels, fixes, Doppler velocities and channels without any value stay unchanged.
     """
     if not name.startswith(("measured_", "commanded_")) or name.startswith(NO_BRIDGE):
         return values
@@ -364,8 +363,8 @@ def filled(name: str, values: Array) -> Array:
 
 
 def nearest(values: Array, step: int) -> Array:
-    """Every `step`-th sample or, where that is missing, the nearest one that is not nearer to
-    another: a truth that comes every ten seconds is not lost between the samples."""
+    """Every `step`-th sample; a missing one takes the nearest value within half a step, so that a
+    true velocity given every ten seconds is kept."""
     kept = values[::step].copy()
     places = np.arange(0, len(values), step)
     for offset in sorted(range(-((step - 1) // 2), step // 2 + 1), key=abs):

@@ -1,9 +1,9 @@
 """Labels: the velocities through the water that networks are trained on.
 
 In a simulated store the truth is known, and it is the default. A real vehicle has at best a Doppler
-log. In water lock that measures the velocity through the water; in bottom lock the one over ground,
-which is a label only less a current that is known from elsewhere: from a profiler or a mooring
-nearby, or zero in a basin. Samples without a label have no part in the training.
+log. In water lock the log measures the velocity through the water, and in bottom lock the velocity
+over ground. A known current (from a profiler or mooring nearby, or zero in a basin) turns the
+latter into a label. Samples without a label are not trained on.
 """
 
 from __future__ import annotations
@@ -44,19 +44,19 @@ CURRENT_WORDS = f"{NO_CURRENT}, {FROM_STORE} or NORTH,EAST in m/s such as 0,0 fo
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LabelConfig:
-    """What networks are trained on.
+    """Source of the velocities that networks are trained on.
 
     Raises:
       InputError: a word is unknown, or a current is no pair of finite numbers.
     """
 
     source: Source = "truth"
-    """`truth`, or `dvl` for what the Doppler log measured."""
+    """`truth`, or `dvl` for the Doppler log's velocities."""
     known_current: str = NO_CURRENT
-    """What is taken off bottom track: `none` is known, so that bottom track is no label; `store`,
-    the current that the store holds at the vehicle; or NORTH,EAST [m/s] of a steady one."""
+    """Current to subtract from bottom track: `none`, so that bottom track is no label; `store`, the
+    store's current at the vehicle; or NORTH,EAST [m/s] of a steady current."""
     smoothing: Smoothing = "gaussian"
-    """After outliers are removed, see `twin.navigation.estimators.dvl`."""
+    """Smoothing after outliers are removed, see `twin.navigation.estimators.dvl`."""
 
     def __post_init__(self) -> None:
         for what, given, allowed in (
@@ -69,7 +69,7 @@ class LabelConfig:
             self._steady()
 
     def _steady(self) -> tuple[float, float]:
-        """North, east [m/s] of a current that is given as two numbers."""
+        """[m/s] North and east component of a current given as NORTH,EAST."""
         try:
             north, east = (float(part) for part in self.known_current.split(","))
         except ValueError:
@@ -81,7 +81,7 @@ class LabelConfig:
         return north, east
 
     def channels(self) -> tuple[str, ...]:
-        """Schema variables that the labels are made from."""
+        """Schema variables that the labels are computed from."""
         if self.source == "truth":
             return tuple(TARGETS.values())
         current = STORE_CURRENT if self.known_current == FROM_STORE else ()
@@ -91,17 +91,17 @@ class LabelConfig:
         """`surge` or `sway` [m/s] through the water, (time,); NaN where there is no label.
 
         Raises:
-          StoreError: the mission lacks a channel, or the truth of a simulated one is not finite.
+          StoreError: the mission lacks a channel, or a simulated mission's truth is not finite.
         """
         if self.source == "truth":
             return mission.target(target)
         return measured(mission, self).velocities[target].astype(np.float32)
 
     def current(self, mission: MissionSequence) -> Array | None:
-        """North, east [m/s] of the known current, (time, 2); None where none is known.
+        """[m/s] Known current, north and east, (time, 2); None if no current is known.
 
         Raises:
-          StoreError: it is to be the store's, which has none.
+          StoreError: the store's current is wanted, and the store has none.
         """
         if self.known_current == NO_CURRENT:
             return None
@@ -118,29 +118,29 @@ class LabelConfig:
 
 @dataclasses.dataclass(frozen=True)
 class Measured:
-    """Cleaned velocities of one mission's Doppler log, and where they come from."""
+    """Cleaned velocities of one mission's Doppler log, and the lock of each sample."""
 
     velocities: Mapping[str, Array]
     """surge and sway [m/s] through the water, (time,); NaN where there is no label"""
     bottom: Mask
-    """Samples in bottom lock, (time,)"""
+    """True for samples in bottom lock, (time,)"""
     water: Mask
-    """Samples in water lock"""
+    """True for samples in water lock, (time,)"""
     removed: Mask
-    """Samples that were outliers"""
+    """True for outliers, (time,)"""
 
     @property
     def usable(self) -> Mask:
-        """Samples with a label."""
+        """True for samples with a label, (time,)."""
         return np.isfinite(self.velocities["surge"])
 
 
 def measured(mission: MissionSequence, config: LabelConfig) -> Measured:
     """Labels of one mission from its Doppler log.
 
-    Water track is taken as it is, bottom track less the known current, turned into the body by the
-    measured attitude. A sample is an outlier in both velocities when it is one in either: one bad
-    beam spoils all axes.
+    Water track is a label as it is. From bottom track, the known current is subtracted, rotated
+    into the body frame by the measured attitude. An outlier in surge or sway removes both
+    velocities of the sample: one bad beam spoils all axes.
 
     Raises:
       StoreError: a channel is missing.
@@ -167,7 +167,7 @@ def measured(mission: MissionSequence, config: LabelConfig) -> Measured:
 
 
 def _log(mission: MissionSequence) -> tuple[Array, NDArray[np.int64]]:
-    """Surge and sway [m/s], (time, 2), and the mode of each sample, (time,)."""
+    """Doppler log's surge and sway [m/s], (time, 2), and its mode, (time,)."""
     for name in (*VELOCITIES.values(), MODE):
         if name not in mission.signals:
             raise StoreError(f"mission {mission.index} has no channel {name}: no Doppler log")
@@ -176,7 +176,7 @@ def _log(mission: MissionSequence) -> tuple[Array, NDArray[np.int64]]:
 
 
 def _in_body(current: Array, mission: MissionSequence) -> Array:
-    """Forward and starboard part [m/s] of a horizontal current (time, 2), (time, 2)."""
+    """[m/s] Forward and starboard component, (time, 2), of a current (north, east), (time, 2)."""
     angles = (np.deg2rad(mission.signals[name]) for name in ATTITUDE)
     to_ned = euler_to_matrix(*angles)
     return np.einsum("tij,ti->tj", to_ned[:, :2, :2], current)
@@ -184,23 +184,23 @@ def _in_body(current: Array, mission: MissionSequence) -> Array:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LabelCounts:
-    """What the Doppler logs of some missions gave as labels."""
+    """Numbers of samples with Doppler lock, outliers and labels in some missions."""
 
     samples: int
     bottom: int
-    """In bottom lock"""
+    """Samples in bottom lock"""
     water: int
-    """In water lock"""
+    """Samples in water lock"""
     outliers: int
     used: int
     """Samples with a label"""
     current_mean: float | None = None
-    """[m/s] mean speed of the current that was taken off bottom track; None: none was known"""
+    """[m/s] Mean speed of the current subtracted from bottom track; None: no current was known"""
     current_max: float | None = None
-    """[m/s] its highest"""
+    """[m/s] Highest speed of that current; None: no current was known"""
 
     def sentences(self, config: LabelConfig) -> list[str]:
-        """For a page or a terminal."""
+        """Sentences on the numbers, for a page or a terminal."""
         share = {
             name: 100.0 * getattr(self, name) / max(self.samples, 1)
             for name in ("bottom", "water", "used", "outliers")
@@ -231,7 +231,7 @@ class LabelCounts:
 
 
 def count_labels(missions: Iterable[MissionSequence], config: LabelConfig) -> LabelCounts:
-    """What the Doppler logs of these missions give; errors as `measured`."""
+    """Count the labels that the Doppler logs of missions give; errors as in `measured`."""
     counts = dict.fromkeys(("samples", "bottom", "water", "outliers", "used"), 0)
     total, highest = 0.0, 0.0
     for mission in missions:
@@ -255,5 +255,5 @@ def count_labels(missions: Iterable[MissionSequence], config: LabelConfig) -> La
 
 
 def label_config(settings: Mapping[str, Any]) -> LabelConfig:
-    """Of a run's stored settings; those of earlier versions learned from the truth."""
+    """Label settings from a run's stored settings; earlier versions always used the truth."""
     return LabelConfig(**settings.get("labels", {}))

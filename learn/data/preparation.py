@@ -1,4 +1,4 @@
-"""Preparation: from a store to the sequences that one network is trained and validated on."""
+"""Preparation: make training and validation sequences of one network from a store."""
 
 from __future__ import annotations
 
@@ -41,16 +41,16 @@ Sequence3 = tuple[Floats, Floats, Floats]
 TRUTH = LabelConfig()
 
 TARGET_SIGNS = {"surge": 1.0, "sway": -1.0}
-"""What the mirror port to starboard makes of the velocities."""
+"""Sign of each velocity in a mission's mirror image, port for starboard."""
 VALIDATING = 4
-"""Of the rows that are not held out, every so many-th validates."""
+"""Number of rows of which one validates, in a training with held-out rows."""
 DIVISION_EDGES = {"train": (0.0, 0.7), "validation": (0.7, 0.85), "test": (0.85, 1.0)}
-"""Parts of the paper's division by samples."""
+"""Ranges of a uniform random number that put a sample in each part of the paper's division."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Prepared:
-    """Normalised data of one target; a context manager, which lets go of the store."""
+    """Normalised data of one target; as a context manager, it closes the store."""
 
     train: SequenceSource
     validation: SequenceSource
@@ -84,28 +84,28 @@ def prepare(
     spread: FlightSpread | None = None,
     resident: bool = True,
 ) -> Prepared:
-    """Training and validation data of one velocity, in one pass through the store or stores.
+    """Prepare training and validation data of one velocity, in one pass through the stores.
 
     Args:
-      store: path of the store, or of several.
+      store: path of a store, or paths of several.
       target: surge or sway.
       features: names of the inputs, in order.
       division: `missions` uses the store's split. `samples` is the paper's random 70/15/15
         division over samples of all missions; it leaks (see `SampleDivision`).
-      seed: of the division by samples.
-      mirror: let the training show every mission mirrored port to starboard too.
+      seed: seed of the division by samples.
+      mirror: train on the mirror image of every mission too, port for starboard.
       period: [s] between samples, see `Selection`.
-      scales: of a network whose training goes on; fitted to the data without.
-      held_out: rows of the store that are neither trained nor validated on. With any, the store's
-        split is not asked: of the other rows every fourth validates, the rest train.
-      labels: what is learned, the truth or what a Doppler log measured.
-      spread: how far hulls may be from their file, for the flight filter.
-      resident: keep all sequences in memory; else they are read again whenever they are needed,
-        with the same values.
+      scales: normalisation of a network whose training continues; None fits one to the data.
+      held_out: rows of the store that are neither trained nor validated on. If there are any, the
+        store's split has no effect: every fourth of the other rows validates, the rest train.
+      labels: source of the velocities to learn, the truth or a Doppler log.
+      spread: prior spread of hulls about the vehicle file, for the flight filter.
+      resident: keep all sequences in memory; if False, they are read again on each use, with the
+        same values.
 
     Raises:
-      InputError: an unknown target or division; a part of the vehicle that has no mirror image.
-      StoreError: see `Selection`; or a split has no missions.
+      InputError: the target or division is unknown; a vehicle's part has no mirror image.
+      StoreError: as in `Selection`; or a split has no missions.
     """
     if target not in TARGETS:
         raise InputError(unknown_name("target", target, TARGETS))
@@ -128,9 +128,9 @@ def training_lengths(
     period: float | None = None,
     held_out: Sequence[int] = (),
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Samples of each mission that may train, and of each that may validate; errors as `Selection`.
+    """Lengths, in samples, of the missions that may train, and of those that may validate.
 
-    With rows held out, and by samples, each of the others may do both.
+    Held-out rows or a division by samples give the same missions twice. Errors: see `Selection`.
     """
     with open_stores(store, any_channel(each_store(store)[0]), period=period) as selection:
         places = _candidates(selection, division, held_out)
@@ -143,12 +143,12 @@ def training_lengths(
 
 
 def sample_bytes(features: int) -> int:
-    """Bytes of one sample in memory: its features, the target and the weight, each of four."""
+    """Bytes of one sample in memory: features, target and weight, at four bytes each."""
     return 4 * (features + 2)
 
 
 def _candidates(selection: Selection, division: Division, held_out: Sequence[int]) -> Places:
-    """Missions that may train or validate."""
+    """Indices of the missions that may train or validate."""
     if held_out:
         return np.flatnonzero(~np.isin(selection.rows, held_out))
     places = np.arange(len(selection))
@@ -158,31 +158,31 @@ def _candidates(selection: Selection, division: Division, held_out: Sequence[int
 
 
 def _speed(store: str | StorePath | Stores) -> list[str]:
-    """The channel of a log's speed through the water, where it has one."""
+    """Name of a log's channel of speed through the water, if the store has it; else empty."""
     with MissionStore(each_store(store)[0]) as reader:
         return [SPEED] if reader.logged and SPEED in reader else []
 
 
 @dataclasses.dataclass(frozen=True)
 class _Task:
-    """What is made of missions."""
+    """Settings by which missions become sequences."""
 
     features: tuple[str, ...]
     target: str
     labels: LabelConfig
     signs: Floats | None
-    """Of the features in the mirror; None where missions are not mirrored"""
+    """Sign of each feature in a mission's mirror image; None if missions are not mirrored"""
     division: Division
     seed: int
     held_out: tuple[int, ...]
 
     @property
     def mirror(self) -> Mirror | None:
-        """How the sequences are mirrored."""
+        """Signs of features and target in the mirror image; None if missions are not mirrored."""
         return None if self.signs is None else Mirror(self.signs, TARGET_SIGNS[self.target])
 
     def fit(self) -> NormalisationFit:
-        """Scales about zero for what the mirror turns round."""
+        """Start a fit of the normalisation, with mean zero for values that change sign mirrored."""
         if self.signs is None:
             return NormalisationFit(self.features, self.target)
         centred = [n for n, s in zip(self.features, self.signs, strict=True) if s < 0]
@@ -192,15 +192,15 @@ class _Task:
 
 @dataclasses.dataclass(frozen=True)
 class _Maker:
-    """Makes a mission's sequence; `numbers` are the missions that it is asked for."""
+    """Function from a mission of one part (train or validation) to its sequence."""
 
     task: _Task
     scales: Normalisation
     division: SampleDivision | None
-    """None: all samples of a mission count"""
+    """Division by samples; None: all samples of a mission count"""
     part: str
     numbers: Places
-    """Among all that have labels"""
+    """Index of each of the part's missions among all missions with labels"""
 
     def __call__(self, mission: MissionSequence, number: int) -> Sequence3:
         wanted = self.task.labels.of(mission, self.task.target)
@@ -208,7 +208,7 @@ class _Maker:
         return self.weighed(made, number)
 
     def weighed(self, made: Sequence3, number: int) -> Sequence3:
-        """A sequence in which only the samples of its part count."""
+        """Sequence with weight 0 for the samples of other parts."""
         if self.division is None:
             return made
         inputs, wanted, weights = made
@@ -217,14 +217,14 @@ class _Maker:
 
 
 def normalised(scales: Normalisation, matrix: Floats, wanted: Floats) -> Sequence3:
-    """The sequence of a mission; samples whose target is not known do not count."""
+    """Normalised sequence of a mission; samples without a known target have weight 0."""
     return scales.inputs(matrix), scales.wanted(wanted), np.isfinite(wanted).astype(np.float32)
 
 
 def _one_pass(
     selection: Selection, task: _Task, scales: Normalisation | None, *, resident: bool
 ) -> Prepared:
-    """Which missions have labels, their scales, and their sequences where those are kept."""
+    """Find the missions with labels, fit the normalisation and, if resident, keep the sequences."""
     fitted = task.fit()
     kept: list[int] = []
     training: list[bool] = []
@@ -252,7 +252,7 @@ def _one_pass(
     ready: list[Sequence3] = []
     for k, (matrix, wanted) in enumerate(known):
         ready.append(normalised(normalisation, matrix, wanted))
-        known[k] = _GONE  # so that no mission is in memory twice
+        known[k] = _EMPTY  # frees the raw mission, so that none is in memory twice
     places, chosen = np.array(kept, np.int64), np.array(training)
     division = None
     parts = {"train": np.flatnonzero(chosen), "validation": np.flatnonzero(~chosen)}
@@ -274,7 +274,7 @@ def _one_pass(
     return Prepared(found["train"], found["validation"], normalisation, selection)
 
 
-_GONE = (np.empty((0, 0), np.float32), np.empty(0, np.float32))
+_EMPTY = (np.empty((0, 0), np.float32), np.empty(0, np.float32))
 
 
 def _in_memory(make: _Maker, ready: Sequence[Sequence3]) -> Sequences:
@@ -284,7 +284,7 @@ def _in_memory(make: _Maker, ready: Sequence[Sequence3]) -> Sequences:
 
 
 def _nothing_learned(selection: Selection, task: _Task) -> StoreError:
-    """No mission has a label."""
+    """Error for a store in which no mission has a label."""
     if task.labels.source == "dvl":
         counts = count_labels(selection.each(), task.labels)
         return no_doppler_labels(selection.store, task.target, counts)
@@ -294,7 +294,7 @@ def _nothing_learned(selection: Selection, task: _Task) -> StoreError:
 def _check_kept(
     selection: Selection, task: _Task, kept: Sequence[int], training: Sequence[bool]
 ) -> None:
-    """Raise StoreError where there is too little to learn from."""
+    """Raise StoreError if there are too few missions to learn from."""
     if task.held_out and len(kept) < 2:
         raise StoreError(
             f"store {selection.store}: without rows {list(task.held_out)} fewer than two are left"
@@ -311,10 +311,10 @@ def _no_training(store: str | StorePath) -> StoreError:
 
 
 class SampleDivision:
-    """The paper's division: each SAMPLE is training, validation or test with 70, 15, 15 %.
+    """The paper's random division of samples into 70 % training, 15 % validation, 15 % test.
 
-    It leaks: samples half a second apart are nearly equal, so validation and test cannot judge
-    unseen motion. It is here to reproduce the paper's figures, never to choose a network.
+    The division leaks: samples half a second apart are nearly equal, so validation and test do not
+    show unseen motion. Use it to reproduce the paper's figures, never to choose a network.
     """
 
     def __init__(self, lengths: NDArray[np.int64], seed: int) -> None:
@@ -322,9 +322,9 @@ class SampleDivision:
         self._first = np.cumsum(lengths) - lengths
 
     def weights(self, mission: int, part: str) -> Floats:
-        """1 for the samples of a mission that are in `train`, `validation` or `test`, else 0.
+        """Weights of a mission's samples: 1 in `part` (train, validation or test), else 0.
 
-        A mission's numbers are drawn from its own place in the seed's sequence of numbers.
+        The random stream is advanced to the mission's first sample: the order of calls is free.
         """
         bits = np.random.PCG64(self._seed)
         bits.advance(int(self._first[mission]))

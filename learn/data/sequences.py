@@ -1,7 +1,6 @@
-"""Sequences: missions as a network of one target sees them, in memory or read when needed.
+"""Sequences: normalised inputs and target of missions, in memory or read when needed.
 
-Normalisation: shift and scale of a network's inputs and target.
-Windows: pieces of missions packed for training, and the order in which training sees them.
+Also here: normalisation of inputs and target, and windows, the sections that training packs.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ Places = NDArray[np.int64]
 
 @dataclasses.dataclass(frozen=True)
 class Mirror:
-    """Port taken for starboard: a glider is as symmetric as its image is a glider."""
+    """Signs that turn a mission into its mirror image, port for starboard."""
 
     inputs: Floats
     """Sign of each feature, (features,), 1 or -1; features of sign -1 are normalised about zero."""
@@ -31,7 +30,7 @@ class Mirror:
 
 
 class SequenceSource(Protocol):
-    """Sequences of missions, wherever they are."""
+    """Protocol of a source of missions' sequences, in memory or streamed."""
 
     @property
     def lengths(self) -> NDArray[np.int64]:
@@ -40,21 +39,21 @@ class SequenceSource(Protocol):
 
     @property
     def width(self) -> int:
-        """Features of a sample."""
+        """Number of features."""
         ...
 
     @property
     def mirror(self) -> Mirror | None:
-        """How missions are mirrored; None where that is not wanted."""
+        """Signs of the mirror image; None if missions are not mirrored."""
         ...
 
     @property
     def resident(self) -> bool:
-        """Whether all of them are in memory."""
+        """True if all sequences are in memory."""
         ...
 
     def take(self, places: Sequence[int] | Places) -> Sequences:
-        """The missions at these places, in their order, in memory."""
+        """Load the missions at these indices into memory, in the given order."""
         ...
 
 
@@ -63,13 +62,13 @@ class Sequences:
     """Sequences in memory: normalised inputs and target of each mission."""
 
     inputs: list[Floats]
-    """(time, features) of each mission."""
+    """Inputs of each mission, (time, features)."""
     targets: list[Floats]
-    """(time,) of each mission."""
+    """Target of each mission, (time,)."""
     weights: list[Floats]
-    """(time,) of each mission: 1 where the sample counts, else 0."""
+    """Weights of each mission, (time,): 1 if the sample counts, else 0."""
     mirror: Mirror | None = None
-    """How missions are mirrored; None where that is not wanted."""
+    """Signs of the mirror image; None if missions are not mirrored."""
 
     @property
     def lengths(self) -> NDArray[np.int64]:
@@ -78,21 +77,21 @@ class Sequences:
 
     @property
     def samples(self) -> int:
-        """Samples of all missions."""
+        """Number of samples in all missions."""
         return int(self.lengths.sum())
 
     @property
     def width(self) -> int:
-        """Features of a sample."""
+        """Number of features."""
         return int(self.inputs[0].shape[1])
 
     @property
     def resident(self) -> bool:
-        """True."""
+        """True: all sequences are in memory."""
         return True
 
     def take(self, places: Sequence[int] | Places) -> Sequences:
-        """These missions; nothing is copied."""
+        """Sequences of these missions; the arrays are not copied."""
         inputs, targets, weights = (
             [values[k] for k in places] for values in (self.inputs, self.targets, self.weights)
         )
@@ -101,15 +100,15 @@ class Sequences:
 
 @dataclasses.dataclass(frozen=True)
 class StreamedSequences:
-    """Sequences that are read from the store whenever they are asked for."""
+    """Sequences that are read from the store on each request."""
 
     selection: Selection
     places: Places
-    """Of the missions in the selection."""
+    """Indices of the missions in the selection."""
     width: int
     mirror: Mirror | None
     make: Callable[[MissionSequence, int], tuple[Floats, Floats, Floats]]
-    """From a mission and its number among these to its inputs, target and weights."""
+    """Function from a mission and its index in `places` to its inputs, target and weights."""
 
     @property
     def lengths(self) -> NDArray[np.int64]:
@@ -118,14 +117,14 @@ class StreamedSequences:
 
     @property
     def resident(self) -> bool:
-        """False."""
+        """False: sequences are read on each request."""
         return False
 
     def take(self, places: Sequence[int] | Places) -> Sequences:
         """Read these missions, a few at a time.
 
         Raises:
-          StoreError: the store has changed since it was prepared, and cannot be read.
+          StoreError: the store has changed since its preparation and cannot be read.
         """
         found: list[tuple[Floats, Floats, Floats]] = []
         for some in pieces(places, self.lengths):
@@ -136,7 +135,7 @@ class StreamedSequences:
 
 
 def ahead(source: SequenceSource, parts: Sequence[Places]) -> Iterator[Sequences]:
-    """Some missions after others; while one part is in use, the next one is read."""
+    """Load groups of missions in turn; a thread reads the next group while one is in use."""
     if source.resident or not parts:
         yield from map(source.take, parts)
         return
@@ -146,15 +145,16 @@ def ahead(source: SequenceSource, parts: Sequence[Places]) -> Iterator[Sequences
             ready = coming.result()
             coming = reader.submit(source.take, part)
             yield ready
-            del ready  # before the part after the next one begins to fill the memory
+            del ready  # frees this group before the thread reads another
         yield coming.result()
 
 
 @dataclasses.dataclass(frozen=True)
 class SequenceWindows:
-    """Pieces of missions, (mission, start, wash-in, length, mirrored), see `cut_windows`."""
+    """Windows of missions, one row each, see `cut_windows`."""
 
     table: NDArray[np.int64]
+    """Columns: mission, first sample, warm-up samples, counted samples, 1 if mirrored"""
 
     def __len__(self) -> int:
         return len(self.table)
@@ -168,13 +168,13 @@ def cut_windows(
     rng: np.random.Generator | None = None,
     mirror: bool = False,
 ) -> SequenceWindows:
-    """Cut missions into pieces whose counted samples tile every mission exactly once.
+    """Cut missions into windows whose counted samples cover every mission exactly once.
 
-    A piece counts `length` samples (the last of a mission fewer) and starts up to `washin` samples
-    earlier, so that a network has found its state when counting begins. The first piece starts at
-    the launch with no wash-in: the launch from rest counts. With `rng` the cuts are moved by a
-    random amount, so that epochs differ. With `mirror` every other piece, at random, is the mirror
-    image; without `rng` every piece comes both ways.
+    A window has `length` counted samples, or fewer at a mission's end. Up to `washin` samples
+    before them warm up the network's state and do not count. A mission's first window has no
+    warm-up: the launch from rest counts. With `rng`, each mission's first cut is random, so that
+    epochs differ. With `mirror` and `rng`, each window is mirrored with probability one half; with
+    `mirror` alone, every window comes plain and mirrored.
     """
     rows = []
     for mission, total in enumerate(lengths):
@@ -194,10 +194,10 @@ def cut_windows(
 
 
 def pack_windows(sequences: Sequences, windows: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
-    """Windows side by side, padded at the end.
+    """Pack windows into one batch, padded at the end.
 
     Returns:
-      inputs (time, batch, features), targets and weights (time, batch); wash-in and padding have
+      Inputs (time, batch, features), targets and weights (time, batch); warm-up and padding have
       weight 0.
     """
     longest = int((windows[:, 2] + windows[:, 3]).max())
@@ -220,9 +220,9 @@ def pack_windows(sequences: Sequences, windows: NDArray[np.int64]) -> tuple[Floa
 def batches(
     windows: SequenceWindows, size: int, rng: np.random.Generator | None = None
 ) -> list[NDArray[np.int64]]:
-    """Windows in groups of about `size`, similar lengths together, groups in random order.
+    """Divide windows into batches of at most `size` windows, in random order with `rng`.
 
-    Sorting by length keeps the padding small; ties are broken at random.
+    Windows are sorted by length, so that padding is small; `rng` also orders equal lengths.
     """
     table = windows.table
     if rng is not None:
@@ -240,16 +240,16 @@ Array = NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Normalisation:
-    """Shift and scale of inputs and target, fitted on training missions only."""
+    """Shift and scale of inputs and target, fitted to the training missions."""
 
     features: tuple[str, ...]
     mean: tuple[float, ...]
     scale: tuple[float, ...]
     target: str
     target_mean: float
-    """[m/s]"""
+    """[m/s] Mean of the target"""
     target_scale: float
-    """[m/s]"""
+    """[m/s] Standard deviation of the target"""
 
     def inputs(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Normalised features of the same shape (..., features)."""
@@ -258,17 +258,17 @@ class Normalisation:
         return (values - mean) / scale
 
     def wanted(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Normalised target of the same shape; zero where it is not known."""
+        """Normalised target of the same shape; zero where the target is unknown."""
         shifted = values - np.float32(self.target_mean)
         return np.nan_to_num(shifted / np.float32(self.target_scale), nan=0.0)
 
 
 class Moments:
-    """Means and squared deviations of columns, gathered mission by mission.
+    """Running mean and variance of columns, updated mission by mission.
 
-    Missions are joined by Chan, Golub and LeVeque, "Updating formulae and a pairwise algorithm for
-    computing sample variances" (1979), eq. 2.1: as exact as two passes over all samples together.
-    The result follows from the missions and their order alone.
+    The update is eq. 2.1 of Chan, Golub and LeVeque, "Updating formulae and a pairwise algorithm
+    for computing sample variances" (1979), which is as exact as two passes over all samples. The
+    result depends only on the missions and their order.
     """
 
     def __init__(self, columns: int) -> None:
@@ -277,7 +277,7 @@ class Moments:
         self._squares = np.zeros(columns)
 
     def add(self, values: NDArray[np.float32]) -> None:
-        """One mission, (samples, columns)."""
+        """Add one mission, (samples, columns)."""
         count = len(values)
         if not count:
             return
@@ -290,7 +290,7 @@ class Moments:
         self._count = total
 
     def statistics(self, about_zero: NDArray[np.bool_]) -> tuple[Array, Array]:
-        """Mean and standard deviation of each column; of those marked, zero and about zero."""
+        """Mean and standard deviation of each column; a column marked True has mean zero."""
         squares = self._squares / self._count
         mean = np.where(about_zero, 0.0, self._mean)
         deviation = np.sqrt(np.where(about_zero, squares + np.square(self._mean), squares))
@@ -298,26 +298,25 @@ class Moments:
 
 
 class NormalisationFit:
-    """A normalisation from training missions, each seen once.
+    """Fit of a normalisation to training missions, one at a time.
 
-    A feature that never changes keeps the scale 1: it says nothing, and a division by its rounding
-    noise would make it loud.
+    A constant feature gets scale 1: division by its rounding noise would amplify that noise.
     """
 
     def __init__(self, features: Sequence[str], target: str, centred: Iterable[str] = ()) -> None:
-        """`centred`: features and target whose mean is taken as zero, because the training shows
-        every mission with its mirror image, where they have the other sign."""
+        """Start a fit; `centred` names the features and target with mean zero, because training
+        also sees each mission's mirror image, in which they change sign."""
         self._features, self._target = tuple(features), target
         self._centred = np.isin([*features, target], list(centred))
         self._inputs, self._wanted = Moments(len(self._features)), Moments(1)
 
     def add(self, matrix: NDArray[np.float32], wanted: NDArray[np.float32]) -> None:
-        """One mission: features (time, features), and target (time,), NaN where not known."""
+        """Add one mission: features (time, features), and target (time,), NaN where unknown."""
         self._inputs.add(matrix)
         self._wanted.add(wanted[np.isfinite(wanted)][:, None])
 
     def result(self) -> Normalisation:
-        """Shift and scale of all that was added."""
+        """Normalisation of all added missions."""
         mean, deviation = self._inputs.statistics(self._centred[:-1])
         (target_mean,), (target_scale,) = self._wanted.statistics(self._centred[-1:])
         constant = deviation <= 1e-6 * np.maximum(np.abs(mean), 1e-6)

@@ -1,6 +1,6 @@
-"""Stores: missions of some stores, each of one vehicle, that train the same networks.
+"""Stores: several stores, one vehicle each, as one selection of missions to train networks on.
 
-Before anything is trained, checks refuse a store that has too little to learn from.
+Checks before the training refuse a store with too little to learn from.
 """
 
 from __future__ import annotations
@@ -29,18 +29,19 @@ from twin.records.storage.store_path import StorePath
 
 
 def parts_of(stores: str | StorePath | Stores) -> dict[str, float | None]:
-    """Parts that the vehicles of all stores have, with what the mirror port to starboard makes of
-    each; one of which it makes different things is none that they share."""
+    """Parts that the vehicles of all stores share, with each part's sign in the mirror image.
+
+    A part whose sign differs between vehicles is left out."""
     first, *others = map(_parts_of, each_store(stores))
     return {n: sign for n, sign in first.items() if all((n, sign) in o.items() for o in others)}
 
 
 def _parts_of(store: str | StorePath) -> dict[str, float | None]:
-    """Parts of a store's vehicle.
+    """Parts of a store's vehicle with their signs in the mirror image.
 
-    A glider's for logs, and for a store that cannot be opened: what is wrong with it is said where
-    it is read.
+    Logs have a glider's parts. So has a store that cannot be opened: reading it raises the error.
     """
+
     try:
         with MissionStore(store) as reader:
             if reader.logged:
@@ -51,10 +52,10 @@ def _parts_of(store: str | StorePath) -> dict[str, float | None]:
 
 
 def input_groups(inputs: str, store: str | StorePath) -> tuple[str, ...]:
-    """Groups of the set of inputs of that name, a key of INPUT_SETS, for networks of a store.
+    """Groups of features in a set of INPUT_SETS, for networks of a store.
 
-    `full` has the group `flight` too where the store is a simulated glider's and has a CTD: logs
-    say nothing of the vehicle that the flight filter must know.
+    `full` includes the group `flight` if the store is a simulated glider's with a CTD. Logs lack
+    the vehicle constants that the flight filter needs.
     """
     groups = INPUT_SETS[inputs]
     if inputs != "full":
@@ -63,13 +64,13 @@ def input_groups(inputs: str, store: str | StorePath) -> tuple[str, ...]:
         with MissionStore(store) as reader:
             channels = map(str, reader.dataset.data_vars)
             flies = not reader.logged and can_estimate(reader.vehicle, channels)
-    except StoreError:  # what is wrong with it is said where it is read
+    except StoreError:  # reading the store raises this error later
         return groups
     return (*groups, FLIGHT) if flies else groups
 
 
 def no_doppler_labels(store: str | StorePath, target: str, counts: LabelCounts) -> StoreError:
-    """The log had no lock, or bottom lock without a known current."""
+    """Error for a Doppler log that had no lock, or only bottom lock without a known current."""
     nothing = f"store {store} has no sample to learn {target} from: its Doppler log never had"
     with MissionStore(store) as reader:
         otherwise = "" if reader.logged else "; or learn from the truth with --labels truth"
@@ -83,7 +84,7 @@ def no_doppler_labels(store: str | StorePath, target: str, counts: LabelCounts) 
 
 
 def _which_current(store: str | StorePath) -> str:
-    """What --known-current can be where there is bottom track alone."""
+    """Advice on --known-current for a store with bottom track alone."""
     with MissionStore(store) as reader:
         simulated = not reader.logged and all(name in reader for name in STORE_CURRENT)
     if not simulated:
@@ -107,7 +108,7 @@ def _which_current(store: str | StorePath) -> str:
 
 
 def no_truth(store: str | StorePath, target: str) -> StoreError:
-    """A log without any velocity through the water."""
+    """Error for a log without any velocity through the water."""
     return StoreError(
         f"store {store} has no truth to learn {target} from (neither {TARGETS[target]} nor "
         f"{SPEED}); a run that is trained on another store can be judged on it: "
@@ -116,7 +117,7 @@ def no_truth(store: str | StorePath, target: str) -> StoreError:
 
 
 def check_truth(store: str | StorePath) -> None:
-    """Refuse logs that have no array of truth, before their signals are read.
+    """Refuse logs without a channel of true velocity, before their signals are read.
 
     Raises:
       StoreError: see `prepare`.
@@ -135,10 +136,10 @@ def labels_in(
     division: Division = "missions",
     period: float | None = None,
 ) -> LabelCounts:
-    """What the Doppler logs of the missions that are trained on and validated give.
+    """Count the Doppler logs' labels in the missions for training and validation.
 
     Raises:
-      StoreError: those for training give nothing; or see `Selection`.
+      StoreError: the missions for training have no label; or as in `Selection`.
     """
     with Selection(store, labels.channels(), period=period) as selection:
         places: Sequence[int] = range(len(selection))
@@ -158,11 +159,11 @@ def _each(store: str | StorePath, channels: tuple[str, ...]) -> Iterator[Mission
 
 
 FEW_LABELS = 0.1
-"""With labels in a smaller part of the samples, networks see little of how the vehicle moves."""
+"""[1] Fraction of samples with labels below which `few_labels` warns."""
 
 
 def few_labels(store: str | StorePath, labels: LabelConfig, counts: LabelCounts) -> str | None:
-    """A warning where bottom track is left out and little else is there, else None."""
+    """Warning if few samples have labels because bottom track lacks a known current, else None."""
     if labels.known_current != NO_CURRENT or counts.used >= FEW_LABELS * counts.samples:
         return None
     if counts.bottom <= counts.water:
@@ -175,9 +176,9 @@ def few_labels(store: str | StorePath, labels: LabelConfig, counts: LabelCounts)
 
 
 def few_missions(store: str | StorePath, division: Division = "missions") -> str | None:
-    """A warning where all that is learned comes from a single mission, else None.
+    """Warning if there is a single mission for training, else None.
 
-    A store without a split has none for training, which is an error that reading it raises.
+    A store without a split gives no warning: reading it raises an error.
 
     Raises:
       StoreError: the store's split cannot be read.
@@ -204,10 +205,10 @@ def check_window(
     division: Division = "missions",
     period: float | None = None,
 ) -> None:
-    """Refuse a window of samples that no training mission fills.
+    """Refuse a training window that is longer than every training mission.
 
     Raises:
-      InputError: it is longer than the longest of them.
+      InputError: the window is longer than the longest training mission.
       StoreError: see `Selection`.
     """
     missions: list[tuple[int, int, str | StorePath]] = []
@@ -232,18 +233,17 @@ Stores = Sequence[str | StorePath]
 
 
 class SeveralStores(Selection):
-    """The missions of selections, one store after the other, as those of one.
+    """Selection of missions from several stores, one store after the other.
 
-    What is estimated of a mission is so for the vehicle of its own store: that is all that makes
-    vehicles comparable. `rows` number the missions through; a mission's `index` is its row in its
-    own store.
+    Estimated channels of a mission are computed for the vehicle of its own store. `rows` numbers
+    the missions of all stores; a mission's `index` is its row in its own store.
     """
 
     def __init__(self, parts: Sequence[Selection]) -> None:
-        """Take over these selections, which are closed with it.
+        """Join these selections; `close` closes them.
 
         Raises:
-          StoreError: one is of logs, or has another time between its samples than the first.
+          StoreError: a store holds logs, or its sample period differs from the first store's.
         """
         self._parts = tuple(parts)
         try:
@@ -279,15 +279,15 @@ class SeveralStores(Selection):
         return False
 
     def close(self) -> None:
-        """Let go of all stores' files."""
+        """Close all stores' files."""
         for part in self._parts:
             part.close()
 
     def read(self, places: Sequence[int] | NDArray[np.int64]) -> list[MissionSequence]:
-        """See `Selection`.
+        """Read missions, see `Selection.read`.
 
         Raises:
-          StoreError: see `Selection`; the store is named.
+          StoreError: as in `Selection.read`, with the store's name.
         """
         wanted = np.asarray(places, np.int64)
         owners = np.searchsorted(self._begin, wanted, side="right") - 1
@@ -311,7 +311,7 @@ def open_stores(
     period: float | None = None,
     spread: FlightSpread | None = None,
 ) -> Selection:
-    """All missions of a store or of several ones; arguments and errors as of `Selection`."""
+    """Open all missions of one or more stores; arguments and errors as in `Selection`."""
     names = tuple(channels)
     parts: list[Selection] = []
     try:
@@ -325,5 +325,5 @@ def open_stores(
 
 
 def each_store(stores: str | StorePath | Stores) -> tuple[str | StorePath, ...]:
-    """Stores as a tuple, one store too."""
+    """Tuple of the stores, also for a single store."""
     return (stores,) if isinstance(stores, str | StorePath) else tuple(stores)

@@ -1,4 +1,4 @@
-"""Evaluation: velocities and tracks judged against the truth."""
+"""Evaluation: errors of estimated velocities and tracks against the truth."""
 
 from typing import TYPE_CHECKING
 

@@ -1,14 +1,14 @@
-"""Uncertainty: how far a dead-reckoned position may be off, along the track.
+"""Deviation: predicted standard deviation of a dead-reckoned position along the track.
 
-The error of a velocity component is taken as a stationary Gauss-Markov process with standard
+The error of a velocity component is modelled as a stationary Gauss-Markov process with standard
 deviation s and correlation time T. Its integral has the variance (Papoulis 1991, section 10)
 
     P(t) = 2 s^2 T [t - T (1 - exp(-t / T))],
 
-s^2 t^2 while t << T (a bias) and 2 s^2 T t for t >> T (a random walk). A heading error moves the
-position across the distance made good, and a fix resets everything to its own accuracy.
+which is s^2 t^2 for t << T (a bias) and 2 s^2 T t for t >> T (a random walk). A heading error moves
+the position across the distance made good. A fix resets the position error to the fix's own.
 
-Fixes after dives judge what a navigator states of the networks and the current together.
+GPS fixes after dives test the stated errors of the networks and the current together.
 """
 
 from __future__ import annotations
@@ -43,38 +43,38 @@ if TYPE_CHECKING:
 
 SECONDS_PER_HOUR = 3600.0
 BIAS_TIME_S = 4.0 * SECONDS_PER_HOUR
-"""[s] correlation time of errors that last a mission through."""
+"""[s] Correlation time of velocity errors that last for a whole mission."""
 SHORT_STEP = 1e-3
-"""Sample period over correlation time below which a series replaces a difference."""
+"""[1] Ratio of sample period to correlation time below which a series avoids cancellation."""
 WITHIN = 0.68
-"""of the samples within the surge's interval"""
+"""[1] Fraction of samples whose error is within the interval of surge or sway."""
 COMPASS_SD = math.radians(0.8)
-"""[rad] heading accuracy of the paper's attitude sensor (its table on the 3DM-GX5-25)."""
+"""[rad] Heading accuracy of the paper's attitude sensor (its table on the 3DM-GX5-25)."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ErrorModel:
-    """What a navigator believes about the errors; defaults for a calibrated compass."""
+    """Error statistics that a navigator assumes; the defaults are for a calibrated compass."""
 
     velocity_sd: float = 0.005
-    """[m/s] standard deviation of each horizontal component of the velocity through the water; an
-    ensemble's spread replaces it sample by sample."""
+    """[m/s] Standard deviation of each horizontal component of the velocity through the water; an
+    ensemble adds the standard deviation of its members."""
     velocity_time: float = BIAS_TIME_S
-    """[s] correlation time of that error: what is wrong about a vehicle lasts a mission."""
+    """[s] Correlation time of that error: a wrong vehicle constant lasts for a mission."""
     heading_sd: float = COMPASS_SD
-    """[rad] constant heading error; 0 for an ideal compass."""
+    """[rad] Standard deviation of a constant heading error; 0 for an ideal compass."""
     current_sd: float = 0.0
-    """[m/s] standard deviation of each component of the unknown current; 0 for tracks through the
+    """[m/s] Standard deviation of each component of the unknown current; 0 for tracks through the
     water."""
     current_time: float = 3.0 * SECONDS_PER_HOUR
-    """[s] its correlation time: a quarter of the semidiurnal tide."""
+    """[s] Correlation time of the current: a quarter of the semidiurnal tide."""
     fix_sd: float = 4.0
-    """[m] each component of a GPS fix: 3 to 5 m is usual."""
+    """[m] Standard deviation of each component of a GPS fix: 3 to 5 m is usual."""
     surge_interval: float = 0.0
-    """[m/s] either way, within which 68 % of the samples of each validation mission were, in the
-    mean; 0 of runs that did not look"""
+    """[m/s] Half-width of the interval with 68 % of the surge errors in validation, all missions
+    weighted alike; 0: unknown"""
     sway_interval: float = 0.0
-    """[m/s] likewise"""
+    """[m/s] Half-width of that interval for sway; 0: unknown"""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -84,7 +84,7 @@ class ErrorModel:
 
     @property
     def surge_sd(self) -> float:
-        """[m/s] lasting error of surge: it has that of both components, sway hardly errs."""
+        """[m/s] Standard deviation of surge, which has both components' error: sway's is small."""
         return math.sqrt(2.0) * self.velocity_sd
 
 
@@ -96,16 +96,16 @@ def fit_error_model(
     *,
     ideal_compass: bool,
 ) -> ErrorModel:
-    """An error model whose velocity error is what missions showed that no network was trained on.
+    """Fit the velocity error of an error model to missions outside the training.
 
-    The end error with true attitude is taken as that of a velocity bias: s = rms(error / time) per
-    component, with two components.
+    The position error at a mission's end, with true attitude, is attributed to a velocity bias:
+    s = rms(error / time) / sqrt(2) per horizontal component.
 
     Args:
-      scores: of the networks, on validation missions.
-      seconds: duration of each mission.
-      surge_errors: [m/s] of each mission, (time,).
-      sway_errors: likewise.
+      scores: scores of the networks on validation missions.
+      seconds: [s] duration of each mission.
+      surge_errors: [m/s] surge error of each mission, (time,).
+      sway_errors: [m/s] sway error of each mission, (time,).
     """
     drifts = [
         score.tracks["velocity"].end_m / duration
@@ -125,7 +125,7 @@ def fit_error_model(
 
 
 def _interval(errors: Sequence[Array]) -> float:
-    """Within which WITHIN of the samples were; missions count alike, whatever their length."""
+    """Half-width that holds the fraction WITHIN of the errors; each mission has equal weight."""
     if not errors:
         return 0.0
     weights = np.concatenate([np.full(len(e), 1.0 / len(e)) for e in errors])
@@ -138,15 +138,14 @@ def _interval(errors: Sequence[Array]) -> float:
 def surge_interval(
     model: ErrorModel, mission: MissionSequence, adapted: Adapted | None, outside: float | None
 ) -> Array:
-    """[m/s] either way, within which 68 % of the surge's errors are said to be, (time,).
+    """[m/s] Predicted half-width of the interval with 68 % of the surge errors, (time,).
 
-    It is what validation missions showed, `widened`; of an adapted run what that leaves
-    (`Adapted.interval`).
+    The value is the validation missions', `widened`; an adapted run uses `Adapted.interval`.
 
     Args:
-      mission: with ADAPTED, if the run adapted.
-      adapted: what the run knows of its vehicle.
-      outside: as `Familiarity.outside`; None: unknown.
+      mission: mission, with the channels ADAPTED if the run is adapted.
+      adapted: vehicle constants of an adapted run, else None.
+      outside: score of `Familiarity.outside`; None: unknown.
     """
     if adapted is None:
         return np.full(mission.samples, widened(model.surge_interval, outside))
@@ -157,9 +156,9 @@ def surge_interval(
 def network_position_sd(
     reference: ReferenceVelocity, estimate: Estimate, model: ErrorModel
 ) -> Array:
-    """Standard deviation [m] of the track through the water, (time,), no fixes.
+    """[m] Standard deviation of the track through the water without fixes, (time,).
 
-    An ensemble's spread adds to the model's velocity error, sample by sample.
+    The variance over an ensemble's members adds to the model's, sample by sample.
     """
     assert estimate.surge is not None
     assert estimate.sway is not None
@@ -168,7 +167,7 @@ def network_position_sd(
     )
     spread = np.full(len(velocity), model.velocity_sd**2)
     if estimate.surge_sd is not None:
-        # With heave solved from the depth rate, surge goes into the track over cos(pitch).
+        # Heave is solved from the vertical velocity, so the track has surge over cos(pitch).
         forward = estimate.surge_sd / np.maximum(np.cos(reference.measured.pitch), LEAST_COSINE)
         spread = spread + forward**2 / 2.0
     if estimate.sway_sd is not None:
@@ -177,8 +176,8 @@ def network_position_sd(
 
 
 class Coverage:
-    """Counts missions that end within two predicted deviations, and samples within the intervals of
-    surge and sway; its `add` is a watch."""
+    """Count missions that end within two predicted standard deviations, and samples within the
+    intervals of surge and sway; pass `add` to `evaluate` as a watch."""
 
     def __init__(
         self,
@@ -186,13 +185,13 @@ class Coverage:
         adapted: Adapted | None = None,
         outside: Callable[[MissionSequence], float] | None = None,
     ) -> None:
-        """Before the first mission; `outside` gives the figure of one."""
+        """Start without missions; `outside` is a mission's out-of-distribution score."""
         self._model, self._adapted, self._outside = model, adapted, outside
         self._ends: list[tuple[float, float]] = []
         self._within: dict[str, list[float]] = {"surge": [], "sway": []}
 
     def add(self, reference: ReferenceVelocity, estimates: Mapping[str, Estimate]) -> None:
-        """See one mission; the estimate called `network` is judged."""
+        """Add one mission, with its estimate called `network`."""
         estimate = estimates["network"]
         track = reference.track(estimate, reference.measured)
         error = horizontal_error(track[-1:], reference.water_track[-1:])
@@ -212,8 +211,8 @@ class Coverage:
             self._within["sway"].append(float(np.mean(far < wide)))
 
     def figures(self) -> dict[str, float | None]:
-        """Mean predicted deviation at mission end [m], the share within two of them, and those of
-        the samples whose surge and sway are within their intervals."""
+        """Mean predicted standard deviation at mission end [m], fraction of missions within two of
+        them, and fractions of samples within the intervals of surge and sway."""
         found: dict[str, float | None] = {"position_sd_m_mean": None, "within_2sd": None}
         if self._ends:
             errors, deviations = np.array(self._ends).T
@@ -226,25 +225,25 @@ class Coverage:
 
 
 class FixConsistency:
-    """Judges by fixes after dives what a navigator states of the networks; its `add` is a watch.
+    """Test of a navigator's stated errors at GPS fixes; pass `add` to `evaluate` as a watch.
 
-    Dives are those from fix to fix that went deeper than `SHALLOW_DEPTH`; their way through the
-    water is the networks', by measured attitude.
+    The test uses dives from fix to fix below `SHALLOW_DEPTH`. The networks' velocity and the
+    measured attitude give the displacement through the water.
     """
 
     def __init__(self, stated: VelocityDeviation, compass: float, latitude: float) -> None:
-        """Before the first mission.
+        """Start without missions.
 
         Args:
-          stated: of the networks' velocities.
-          compass: [degree] stated deviation of the compass.
-          latitude: [degree] of the missions.
+          stated: stated standard deviation of the networks' velocities.
+          compass: [degree] stated standard deviation of the compass.
+          latitude: [degree] latitude of the missions.
         """
         self._stated, self._compass, self._latitude = stated, compass, latitude
         self._records: list[list[Leg]] = []
 
     def add(self, reference: ReferenceVelocity, estimates: Mapping[str, Estimate]) -> None:
-        """See one mission; the estimate called `network` is judged."""
+        """Add one mission, with its estimate called `network`."""
         period, depth = reference.mission.period, reference.mission.signals["measured_depth"]
         track = reference.track(estimates["network"], reference.measured)
         self._records.append(
@@ -261,7 +260,7 @@ class FixConsistency:
         )
 
     def figures(self) -> dict[str, float | int | None]:
-        """See `twin.navigation.current.Consistency`."""
+        """Fields of `twin.navigation.current.Consistency`, by name."""
         found = consistency_of(
             self._records,
             latitude=self._latitude,
@@ -285,13 +284,13 @@ def position_sd(
     velocity_sd: Array | None = None,
     fixes: NDArray[np.intp] | None = None,
 ) -> Array:
-    """Standard deviation [m] of the horizontal position, root of the sum of both axes, (time,).
+    """[m] Standard deviation of the horizontal position, both axes' variances summed, (time,).
 
     Args:
-      velocity: estimated north, east [m/s], (time, 2).
+      velocity: [m/s] estimated velocity, north and east, (time, 2).
       period: [s] between samples.
-      model: what is believed about the errors.
-      velocity_sd: [m/s], (time,), of each component, in place of the model's constant.
+      model: error statistics.
+      velocity_sd: [m/s] standard deviation of each component, (time,); None takes the model's.
       fixes: samples at which the position is reset to a fix.
     """
     samples = len(velocity)
@@ -311,18 +310,18 @@ def position_sd(
 def _integrated_variance(
     spread: Array, time: float, period: float, reset: NDArray[np.bool_]
 ) -> Array:
-    """Variance of the integral of a Gauss-Markov process of slowly varying deviation, (time,).
+    """Variance of the integral of a Gauss-Markov process with slowly varying s, (time,).
 
-    Exact recursion for a constant deviation: with c = cov(integral, process), a = exp(-h / T),
-    P += 2 c T (1 - a) + 2 s^2 T [h - T (1 - a)] and c = a c + s^2 T (1 - a). At a reset the
-    position is known but the velocity's error is not: both restart from the fix.
+    The recursion is exact for constant s: with c = cov(integral, process), a = exp(-h / T),
+    P += 2 c T (1 - a) + 2 s^2 T [h - T (1 - a)] and c = a c + s^2 T (1 - a). At a reset P and c
+    are zero: the fix gives the position and tells nothing about the velocity error.
     """
     if time == 0.0:
         return np.zeros(len(spread))
     ratio = period / time
     decay = math.exp(-ratio)
     kept = -time * math.expm1(-ratio)
-    # h - T (1 - a), by its series where the difference would be rounding only
+    # h - T (1 - a), from its series if the difference would be only rounding
     rest = period - kept if ratio > SHORT_STEP else period * ratio * (0.5 - ratio / 6.0)
     out = np.zeros(len(spread))
     variance = covariance = 0.0
@@ -338,7 +337,7 @@ def _integrated_variance(
 
 
 def _since_reset(velocity: Array, period: float, reset: NDArray[np.bool_]) -> Array:
-    """Distance made good [m] north, east since the last reset, (time, 2)."""
+    """[m] Displacement north and east since the last reset, (time, 2)."""
     track = integrate(velocity, period)
     last = np.maximum.accumulate(np.where(reset, np.arange(len(reset)), 0))
     return track - track[last]

@@ -1,4 +1,4 @@
-"""Evaluation: networks, floor and baselines on the missions of a store, all by the same rules."""
+"""Evaluation: run networks, floor (true velocities) and baselines on a store, and score them."""
 
 from __future__ import annotations
 
@@ -36,43 +36,43 @@ if TYPE_CHECKING:
     from learn.networks.predictor import Ensemble
 
 GROUP = 16
-"""Missions that are in memory and are predicted at once; progress is shown after each group."""
+"""Number of missions in memory that are predicted together; progress is shown per group."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Method:
-    """Scores of one way to estimate velocities."""
+    """Scores of one method that estimates velocities."""
 
     name: str
     scores: tuple[MissionScore, ...]
 
     @property
     def figures(self) -> dict[str, Any]:
-        """Its summary over missions, see `learn.evaluation.score.summarise_scores`."""
+        """Summary over missions, see `learn.evaluation.score.summarise_scores`."""
         return summarise_scores(self.scores)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Evaluation:
-    """All methods on the same missions."""
+    """Scores of all methods on the same missions."""
 
     store: str
     split: str
     methods: Mapping[str, Method]
-    """NETWORK, FLOOR and the baselines by name; one whose channels are missing is left out."""
+    """NETWORK, FLOOR and the baselines by name, without a baseline whose channels are missing."""
     missing: Mapping[str, str]
-    """Why a baseline is left out, by name."""
+    """Reason for each missing baseline, by name."""
     provenance: Mapping[str, Any]
     """Attributes of the store."""
     propelled: bool = False
-    """Whether the store's vehicle has a propeller."""
+    """True if the store's vehicle has a propeller."""
     against_dvl: tuple[DvlComparison, ...] = ()
-    """The networks beside the Doppler log, of missions in which it had lock."""
+    """Comparison with the Doppler log, for each mission in which it had lock."""
     counts: Mapping[str, int] = dataclasses.field(default_factory=dict)
-    """Of a store of logs: what was judged and what was not, see `learn.evaluation.log_score`."""
+    """Numbers of scored rows and samples in a store of logs, see `learn.evaluation.log_score`."""
 
     def to_json(self) -> dict[str, Any]:
-        """The network's figures, with `floor` and `baselines` beside them."""
+        """Figures of the networks, with entries `floor` and `baselines`."""
         empty = summarise_scores(())
         figures = {name: method.figures for name, method in self.methods.items() if name != NETWORK}
         return {
@@ -87,7 +87,7 @@ class Evaluation:
 
 
 Watch = Callable[[ReferenceVelocity, Mapping[str, Estimate]], None]
-"""Called with each mission and every method's estimate of it."""
+"""Function called with each mission and every method's estimate."""
 
 
 def evaluate(
@@ -101,27 +101,26 @@ def evaluate(
     period: float | None = None,
     labels: LabelConfig | None = None,
 ) -> Evaluation:
-    """Run networks, floor and baselines over missions of a store.
+    """Evaluate networks, floor and baselines on missions of a store.
 
     Args:
-      networks: `surge` and `sway`.
+      networks: ensembles `surge` and `sway`.
       store: path of the store.
       split: train, validation, test or all.
       baselines: names of the baselines to run; None runs all.
-      limit: the first so many missions only, of a store that is not of logs.
-      watch: sees every mission with its estimates, for tracks, figures and progress.
-      period: [s] between the samples that the networks were trained on; a finer store is thinned.
-      labels: how velocities are taken from a Doppler log, to set the networks beside them, and by
-        which a store of real logs is judged; None: tracks alone are set beside the log's, and
-        real logs are judged by their truth.
+      limit: largest number of missions, from the first on; no effect on logs.
+      watch: called with every mission and its estimates, for tracks, figures and progress.
+      period: [s] sample period of the networks; samples of a shorter period are thinned.
+      labels: settings that take velocities from a Doppler log. They are compared with the networks'
+        and serve as reference for real logs. None: only tracks are compared with the Doppler log's,
+        and the reference for real logs is their truth.
 
-    A store of real logs is judged by what it knows, see `learn.evaluation.log_score`; its
-    watch is given a `LogReference`.
+    Real logs are scored by `learn.evaluation.log_score`, and the watch receives a `LogReference`.
 
     Raises:
-      InputError: a baseline is unknown, or gives something else than an `Estimate`.
-      StoreError: no store, an empty one, no split in it, a missing channel or one that is not
-        finite (named).
+      InputError: a baseline is unknown, or returns something other than an `Estimate`.
+      StoreError: the store is missing, empty or without splits; a channel is missing or not finite
+        (named).
     """
     known = all_baselines()
     names = tuple(known if baselines is None else baselines)
@@ -143,11 +142,11 @@ def evaluate(
     if labels is not None and (logged or DVL in kinds):
         wanted += labels.channels()
     if logged:
-        # a log is judged by what it has; one whose rows are no dives may have no depth
+        # logs may lack navigation channels, such as depth if their rows are not dives
         wanted = [c for c in wanted if c in present or c not in NAVIGATION_CHANNELS]
         wanted += [c for c in (SPEED,) if c in present]
         if split != "all":
-            with Selection(store, any_channel(store), split=split):  # says which parts there are
+            with Selection(store, any_channel(store), split=split):  # raises if there is no split
                 pass
     scores: dict[str, list[MissionScore]] = {NETWORK: [], FLOOR: [], **{n: [] for n in kinds}}
     beside_log: list[DvlComparison] = []
@@ -209,9 +208,9 @@ def evaluate(
 
 
 def pooled(each: Sequence[Evaluation]) -> Evaluation:
-    """Evaluations of the same networks on simulated stores as one, over all their missions.
+    """Pool evaluations of the same networks on simulated stores, over all their missions.
 
-    A baseline that one of them lacks is left out: its figure would be of other missions.
+    A baseline missing on one store is left out: its figures would be of other missions.
     """
     if len(each) == 1:
         return each[0]
@@ -231,7 +230,7 @@ def pooled(each: Sequence[Evaluation]) -> Evaluation:
 
 
 def _unusable(kind: type[VelocityEstimator], vehicle: Vehicle, present: set[str]) -> str:
-    """Why a baseline cannot run on a store of this vehicle with these channels; empty: it can."""
+    """Reason why a baseline cannot run with this vehicle and these channels; empty if it can."""
     why = kind.unsuited(vehicle)
     gone = [channel for channel in kind.needs(vehicle) if channel not in present]
     if not why and gone:

@@ -1,12 +1,12 @@
-"""Tracks: dead-reckoned tracks as a file, to be drawn beside the true one.
+"""Judged tracks: write dead-reckoned tracks to a file, and compare networks with a Doppler log.
 
-Written as `twin.records.tracks` reads them: variables NAME_north and NAME_east [m] over ground,
-dims (mission, time). A track is re-initialised at GPS fixes with the previous dive's
-depth-averaged current, as a vehicle flies; where missions have fixes, NAME_corrected is the same
-track after its end. Nothing known of a current, both are tracks through the water. A method that
-has no track in some mission is left out.
+The file is as `twin.records.tracks` reads it: variables NAME_north and NAME_east [m] over ground,
+dimensions (mission, time). A track NAME restarts at each GPS fix and uses the previous dive's
+depth-averaged current, as on board. If there are fixes, NAME_corrected uses each dive's own
+current, known after its end. Without a known current, both are tracks through the water. A method
+without a track in some mission is left out.
 
-Against the DVL: the networks beside a Doppler log, as the paper's first study judges them.
+The comparison with a Doppler log is that of the paper's first study.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ Arrays = Mapping[str, Numbers]
 
 CORRECTED = "_corrected"
 TRUTH_NAMES = ("floor",)
-"""Methods that use truth: these are not tracks that a vehicle could have."""
+"""Methods without a track in the file: they use the truth, which no vehicle has."""
 
 
 class TrackCollector:
-    """Gathers the tracks of an evaluation; give its `add` as the evaluation's watch."""
+    """Collect the tracks of an evaluation; pass `add` to `evaluate` as a watch."""
 
     def __init__(self) -> None:
         self._missions: list[int] = []
@@ -53,7 +53,7 @@ class TrackCollector:
         self._time: NDArray[Any] = np.zeros(0)
 
     def add(self, reference: ReferenceVelocity, estimates: Mapping[str, Estimate]) -> None:
-        """The tracks of one mission."""
+        """Add the tracks of one mission."""
         mission = reference.mission
         self._missions.append(mission.index)
         if mission.samples > len(self._time):
@@ -65,9 +65,9 @@ class TrackCollector:
                 self._tracks.setdefault(name + suffix, {})[mission.index] = track
 
     def _complete(self) -> dict[str, dict[int, Array]]:
-        """Tracks that every mission has: readers refuse one without samples.
+        """Tracks that all missions have: readers refuse a track without samples.
 
-        Where nothing was corrected, the corrected track is the plain one.
+        A mission without a corrected track uses the plain one.
         """
         filled = {
             name: {**self._tracks.get(name.removesuffix(CORRECTED), {}), **tracks}
@@ -76,10 +76,10 @@ class TrackCollector:
         return {n: t for n, t in filled.items() if all(m in t for m in self._missions)}
 
     def write(self, path: Path) -> Path:
-        """Write everything to `path`, in the format of its ending.
+        """Write all tracks to `path`, in the format of its ending.
 
         Raises:
-          InputError: an unknown ending, something is in the way, or the disk refuses.
+          InputError: the ending is unknown, the path is taken, or the disk refuses.
         """
         check_target(path)
         missions = np.array(self._missions)
@@ -97,10 +97,10 @@ class TrackCollector:
 
 
 def check_target(path: Path) -> None:
-    """Refuse, before long work, what tracks cannot be written to.
+    """Refuse a path that tracks cannot be written to, before long computations.
 
     Raises:
-      InputError: an ending that is no known format, or something else is in the way.
+      InputError: the ending is no known format, or the path is taken.
     """
     if path.suffix not in _WRITERS:
         raise InputError(
@@ -113,7 +113,7 @@ def check_target(path: Path) -> None:
 
 
 def ground_tracks(reference: ReferenceVelocity, estimate: Estimate) -> dict[str, Array]:
-    """Tracks over ground [m], (time, 2), by the ending of their names: "" and "_corrected"."""
+    """[m] Tracks over ground, (time, 2), by the suffix of their names: "" and "_corrected"."""
     signals, period = reference.mission.signals, reference.mission.period
     start = np.array([signals["true_north"][0], signals["true_east"][0]])
     if estimate.ground_track is not None:
@@ -163,24 +163,24 @@ _WRITERS: dict[str, Callable[[Path, Numbers, Numbers, Arrays], None]] = {
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DvlComparison:
-    """The networks beside the Doppler log on one mission."""
+    """Differences between networks and Doppler log on one mission."""
 
     mission: int
     track: TrackError
-    """Their track over ground, taken for the one through the water, from the DVL-aided one."""
+    """Distance of the networks' track, without a current, from the DVL-aided track."""
     samples: int = 0
-    """With a label of the Doppler log"""
+    """Number of samples with a label of the Doppler log"""
     squared: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    """Sum of squared differences [(m/s)^2] of surge and sway from the labels"""
+    """[(m/s)^2] Sum of squared differences from the labels, for surge and sway"""
 
 
 def compare(
     reference: ReferenceVelocity, network: Estimate, dvl: Estimate, labels: LabelConfig | None
 ) -> DvlComparison | None:
-    """One mission; None where the log never had lock.
+    """Compare networks with the Doppler log on one mission; None if the log never had lock.
 
     Args:
-      labels: how velocities are taken from the log; None: they are not compared.
+      labels: settings that take velocities from the log; None: velocities are not compared.
     """
     track = reference.tracks(network).get("ground")
     if dvl.ground_track is None or track is None:
@@ -202,7 +202,7 @@ def compare(
 
 
 def summarise(comparisons: Sequence[DvlComparison]) -> dict[str, Any]:
-    """Figures over missions; mean squared errors are None without a label."""
+    """Summarise comparisons over missions; mean squared errors are None without labels."""
     samples = sum(found.samples for found in comparisons)
     mse = {
         f"{name}_mse": math.fsum(c.squared.get(name, 0.0) for c in comparisons) / samples

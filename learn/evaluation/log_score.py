@@ -1,15 +1,14 @@
-"""Log score: networks and baselines on real logs, by whatever truth a log holds.
+"""Log score: score networks and baselines on real logs, with the references that a log holds.
 
-Two things can be known of a real vehicle. Where a current profiler or a Doppler log was, its
-velocity through the water: samples without are left out and counted. Networks that learned from a
-Doppler log are judged by the same one, on rows that they did not learn from. And where it was at
-each fix: one row is one dive, so a track is judged at the row's end, and the depth-averaged current
-of the row before it is carried over if that one ended less than an hour ago. Between the fixes
-nothing is known, so that a track that is corrected afterwards, which ends at the fix, has no error
-to show.
+A log can hold two references. One is the velocity through the water, from a current profiler or a
+Doppler log; samples without it are counted and not scored. Networks that learned from a Doppler log
+are scored by it on rows outside their training. The other is the position at each fix. A row is one
+dive, so its track is scored at the row's end. The depth-averaged current of the previous row is
+used if that row ended less than an hour ago. A track corrected afterwards ends at the fix, so it
+has no error to score.
 
-Errors in % refer to the horizontal path through the water of w / tan(pitch + angle of attack),
-since the true one is not known.
+Errors in % refer to the horizontal path through the water from w / tan(pitch + angle of attack),
+since the true path is unknown.
 """
 
 from __future__ import annotations
@@ -53,31 +52,31 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LogReference:
-    """What is known of one row."""
+    """Reference velocities and positions of one row."""
 
     mission: MissionSequence
     row: LogRow
     truth: Mapping[str, Array]
-    """Surge and sway [m/s] through the water, (time,); NaN where unknown."""
+    """[m/s] Surge and sway through the water, (time,); NaN where unknown."""
     measured: AttitudeSeries
     depth_rate: Array | None
-    """[m/s] measured; None in a log without depth, of which velocities are judged, not tracks"""
+    """[m/s] Measured vertical velocity; None without depth: only velocities are scored then"""
     path: float
-    """[m] horizontal path through the water, see the module; NaN without depth"""
+    """[m] Horizontal path through the water, see the module; NaN without depth"""
 
     @classmethod
     def of(cls, mission: MissionSequence, vehicle: Vehicle, labels: LabelConfig) -> LogReference:
-        """From a row with its navigation channels; `labels` says which velocities are known.
+        """Reference of a row with navigation channels; `labels` selects truth or Doppler log.
 
         Raises:
-          StoreError: one has no value at all.
+          StoreError: a navigation channel has no value at all.
         """
         assert mission.row is not None
         signals = mission.signals
         measured = AttitudeSeries.of(signals, "measured")
         truth = {
             "surge": np.asarray(labels.of(mission, "surge"), float),
-            # sway is taken as zero to learn from a log with speed alone, but is not judged by that
+            # a log with speed alone sets sway to zero for training, which is no reference here
             "sway": np.asarray(labels.of(mission, "sway"), float)
             if labels.source == "dvl"
             else signals.get("true_sway", np.full(mission.samples, np.nan)),
@@ -100,8 +99,8 @@ class LogReference:
         )
 
     def moved(self, estimate: Estimate) -> Array | None:
-        """North, east [m], (2,), that an estimate moves through the water over the row; None where
-        the velocities or the depth are not known."""
+        """[m] Displacement through the water over the row by an estimate, north and east, (2,);
+        None without its velocities or without depth."""
         if estimate.surge is None or estimate.sway is None or self.depth_rate is None:
             return None
         velocity = horizontal_velocity(
@@ -118,10 +117,10 @@ def score_row(
     estimate: Estimate,
     before: tuple[LogReference, Estimate] | None,
 ) -> MissionScore:
-    """One method on one row.
+    """Score one method on one row.
 
     Args:
-      before: the row before it and the same method's estimate of that, where it follows on it.
+      before: previous row and the method's estimate on it, if this row follows directly; else None.
     """
     mission = reference.mission
     launch = min(mission.samples, math.ceil(LAUNCH_S / mission.period))
@@ -163,7 +162,7 @@ def _over_ground(
         return TrackError(missed, missed, reference.path)
 
     if estimate.ground_track is not None and estimate.uses_fixes:
-        if before is not None:  # judged on the same dives as the others
+        if before is not None:  # the same dives for all methods
             dives["previous"] = (error(np.asarray(estimate.ground_track[-1], float)),)
         return
     moved = reference.moved(estimate)
@@ -183,11 +182,11 @@ def _over_ground(
 
 @dataclasses.dataclass(frozen=True)
 class LogScores:
-    """All methods on the rows of a store."""
+    """Scores of all methods on the rows of a store."""
 
     scores: Mapping[str, tuple[MissionScore, ...]]
     counts: Mapping[str, int]
-    """Of rows, samples and dives that were and were not judged."""
+    """Numbers of rows and samples by what is known of them, and of rows left out."""
 
 
 Watch = Callable[[LogReference, Mapping[str, Estimate]], None]
@@ -203,14 +202,14 @@ def score_logs(
     labels: LabelConfig,
     watch: Watch | None = None,
 ) -> LogScores:
-    """Run networks and baselines over the rows of a store, in its order.
+    """Score networks and baselines on the rows of a store, in the store's order.
 
     Args:
-      groups: all rows, some at a time: those that are not judged lend their current to the next.
-      chosen: which of them are judged.
-      labels: which velocities are known, those of the truth or of a Doppler log.
+      groups: all rows, in groups: a row that is not scored still gives the next row its current.
+      chosen: function that is True for the rows to score.
+      labels: source of the reference velocities, the truth or a Doppler log.
 
-    The floor is empty here: the true velocities of a log are not a track.
+    The floor has no scores here: a log's true velocities have gaps and give no track.
     """
     scores: dict[str, list[MissionScore]] = {NETWORK: [], FLOOR: [], **{n: [] for n in baselines}}
     last: tuple[LogReference, dict[str, Estimate]] | None = None
@@ -257,7 +256,7 @@ def score_logs(
 
 
 def sentences(counts: Mapping[str, Any], labels: LabelConfig) -> list[str]:
-    """What was judged, by what, and what was not; `labels` says which velocities are known."""
+    """Sentences on the scored rows and their references; `labels` is the velocities' source."""
     known = (
         f"{counts['samples_with_truth']} of {counts['samples']} samples, in "
         f"{counts['rows_with_truth']} of {counts['rows']} dives; the others are not scored."

@@ -1,13 +1,13 @@
-"""Score: how good estimated velocities and tracks are, one mission at a time and over many.
+"""Score: errors of estimated velocities and dead-reckoned tracks, per mission and over missions.
 
 Dead-reckoning percent is the horizontal error at the mission's end over the horizontal path through
-the water, without re-initialisation at fixes; the largest error along the track stands beside it.
+the water, without restarts at fixes. The largest error along the track is given too.
 
-- `dr_water`: through the water, measured attitude;
-- `dr_velocity`: the same with the true attitude, which isolates surge and sway;
-- `dr_ground`: the through-water track taken as one over ground, nothing known of the current.
+- `dr_water`: track through the water with measured attitude;
+- `dr_velocity`: track through the water with true attitude: only errors of surge and sway count;
+- `dr_ground`: track over ground, without any knowledge of the current.
 
-Between GPS fixes, dive by dive, there are three more: no current, the previous dive's
+Three more tracks run from GPS fix to GPS fix: without current, with the previous dive's
 depth-averaged current, and corrected afterwards (`twin.navigation.dead_reckoning`).
 """
 
@@ -44,9 +44,9 @@ from twin.navigation.dead_reckoning import (
 from twin.navigation.estimators.base import Estimate
 
 NETWORK, FLOOR, DVL = "network", "floor", "dvl"
-"""Names of the networks, of the floor and of the baseline of a Doppler log among the methods"""
+"""Names of methods: the networks, the floor (true velocities) and the Doppler log's baseline"""
 LAUNCH_S = 30.0
-"""[s] after the start that `..._after_30s` leaves out: the launch from rest."""
+"""[s] Time after the start, the launch from rest, that figures `..._after_30s` leave out."""
 TARGETS = ("surge", "sway")
 TRACKS = ("water", "velocity", "ground")
 PERCENTILE = 90.0
@@ -66,11 +66,11 @@ class TrackError:
     end_m: float
     max_m: float
     path_m: float
-    """Horizontal path through the water."""
+    """Length of the horizontal path through the water."""
 
     @property
     def percent(self) -> float:
-        """Error at the end in % of the path; NaN where nothing was travelled."""
+        """Error at the end in % of the path; NaN for a path of length zero."""
         return 100.0 * self.end_m / self.path_m if self.path_m > 0 else math.nan
 
     @property
@@ -81,25 +81,25 @@ class TrackError:
 
 @dataclasses.dataclass(frozen=True)
 class MissionScore:
-    """One method on one mission; what it does not define is missing."""
+    """Scores of one method on one mission; velocities and tracks that it lacks have no entry."""
 
     mission: int
     samples: int
     late_samples: int
-    """Those after the launch."""
+    """Samples later than LAUNCH_S."""
     squared: Mapping[str, float]
-    """Sum of squared errors [(m/s)^2] of surge and sway, all samples."""
+    """[(m/s)^2] Sum of squared errors of surge and sway over all samples."""
     squared_late: Mapping[str, float]
-    """The same after the launch."""
+    """[(m/s)^2] Sum of squared errors of surge and sway over samples later than LAUNCH_S."""
     tracks: Mapping[str, TrackError]
-    """By the names of TRACKS."""
+    """Errors of whole tracks, by the names of TRACKS."""
     dives: Mapping[str, tuple[TrackError, ...]]
-    """By what is known of the current, one entry per dive that has one before it."""
+    """Errors per dive after the first, by the current's name in KNOWLEDGE."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ReferenceVelocity:
-    """What one mission truly did, worked out once for all methods."""
+    """True velocities and tracks of one mission, computed once for all methods."""
 
     mission: MissionSequence
     surge: Array
@@ -107,20 +107,20 @@ class ReferenceVelocity:
     measured: AttitudeSeries
     true: AttitudeSeries
     depth_rate: Array
-    """[m/s] measured"""
+    """[m/s] Measured vertical velocity"""
     water_track: Array
-    """[m] north, east, (time, 2)"""
+    """[m] True track through the water, north and east, (time, 2)"""
     ground_track: Array
     path: Array
-    """[m] horizontal path through the water, (time,)"""
+    """[m] Horizontal path through the water, (time,)"""
     dives: tuple[Dive, ...]
 
     @classmethod
     def of(cls, mission: MissionSequence) -> ReferenceVelocity:
-        """From a mission with TRUTH_CHANNELS and NAVIGATION_CHANNELS.
+        """Reference of a mission with TRUTH_CHANNELS and NAVIGATION_CHANNELS.
 
         Raises:
-          StoreError: one is missing or not finite.
+          StoreError: a channel is missing or not finite.
         """
         signals, period = mission.signals, mission.period
         return cls(
@@ -138,12 +138,12 @@ class ReferenceVelocity:
 
     @property
     def surfaced(self) -> bool:
-        """True when there are fixes later than the launch."""
+        """True if there is a fix later than LEAST_DIVE_S."""
         index, _ = gps_fixes(self.mission.signals)
         return bool(index.size) and float(index[-1]) * self.mission.period >= LEAST_DIVE_S
 
     def track(self, estimate: Estimate, attitude: AttitudeSeries) -> Array:
-        """Dead-reckoned track through the water [m], (time, 2)."""
+        """[m] Dead-reckoned track through the water, (time, 2)."""
         assert estimate.surge is not None
         assert estimate.sway is not None
         velocity = horizontal_velocity(
@@ -155,7 +155,7 @@ class ReferenceVelocity:
         return integrate(velocity, self.mission.period)
 
     def tracks(self, estimate: Estimate) -> dict[str, Array]:
-        """Every track of TRACKS that the method defines, [m], (time, 2)."""
+        """[m] Tracks of the method by the names of TRACKS, (time, 2)."""
         found: dict[str, Array] = {}
         if estimate.surge is not None and estimate.sway is not None:
             found["water"] = self.track(estimate, self.measured)
@@ -168,13 +168,13 @@ class ReferenceVelocity:
             elif not self.surfaced:
                 found["ground"] = estimate.ground_track
                 if not estimate.saw_bottom:
-                    # Without a fix after the launch it never learnt of a current.
+                    # without a later fix or bottom lock, the method cannot know the current
                     found["water"] = estimate.ground_track
         return found
 
 
 def score_mission(reference: ReferenceVelocity, estimate: Estimate) -> MissionScore:
-    """One method on one mission."""
+    """Score one method on one mission."""
     samples = reference.mission.samples
     launch = min(samples, math.ceil(LAUNCH_S / reference.mission.period))
     squared, late = {}, {}
@@ -203,11 +203,11 @@ def score_mission(reference: ReferenceVelocity, estimate: Estimate) -> MissionSc
 def _score_dives(
     reference: ReferenceVelocity, estimate: Estimate
 ) -> dict[str, tuple[TrackError, ...]]:
-    """Every dive but the first, so that all kinds of knowledge are judged on the same dives."""
+    """Errors of all dives but the first, so that all kinds of current have the same dives."""
     pairs = list(zip(reference.dives[:-1], reference.dives[1:], strict=True))
     own = estimate.ground_track
     if own is not None and estimate.uses_fixes:
-        # The logged track jumps to the fix at the dive's end: it is judged just before.
+        # the logged track jumps to the fix at the dive's end, so it is scored just before
         judged = [
             _dive_error(reference, dive, own[dive.start : dive.end], dive.end) for _, dive in pairs
         ]
@@ -245,10 +245,10 @@ def _dive_error(reference: ReferenceVelocity, dive: Dive, track: Array, end: int
 
 
 def summarise_scores(scores: Sequence[MissionScore]) -> dict[str, Any]:
-    """The figures of one method over missions; None where no mission defines one.
+    """Summarise one method's scores; a figure that no mission has is None.
 
-    Squared errors are means over all samples of all missions; track errors are statistics over
-    missions, dive errors over dives.
+    Squared errors are means over all samples of all missions, track errors are statistics over
+    missions, and dive errors are statistics over dives.
     """
     figures: dict[str, Any] = {"missions": len(scores)}
     for name in TARGETS:
@@ -273,7 +273,7 @@ def _pooled(scores: Sequence[MissionScore], sums: str, counts: str, target: str)
 
 
 def track_statistics(prefix: str, errors: Sequence[TrackError]) -> dict[str, float | None]:
-    """Mean, median and 90th percentile of errors at the end [%, m] and on the way [%]."""
+    """Mean, median and 90th percentile of end errors [%, m] and of largest errors [%]."""
 
     def statistics(name: str, values: list[float]) -> dict[str, float | None]:
         finite = np.array([v for v in values if math.isfinite(v)])
@@ -293,7 +293,7 @@ def track_statistics(prefix: str, errors: Sequence[TrackError]) -> dict[str, flo
 
 
 def visible(mission: MissionSequence) -> dict[str, Array]:
-    """The channels of a mission that a vehicle has: all but truth."""
+    """Channels of a mission that a vehicle has: all but the true ones."""
     return {
         name: np.asarray(values, float)
         for name, values in mission.signals.items()
@@ -302,7 +302,7 @@ def visible(mission: MissionSequence) -> dict[str, Array]:
 
 
 def network_estimate(predictions: Mapping[str, tuple[Any, Any]]) -> Estimate:
-    """What networks predict of a mission, mean and deviation by velocity, as an estimate."""
+    """Estimate from networks' predictions, mean and standard deviation for each velocity."""
     fields: dict[str, Any] = {}
     for name, (mean, spread) in predictions.items():
         fields[name] = np.asarray(mean, float)

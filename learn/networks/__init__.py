@@ -1,4 +1,4 @@
-"""Networks: from what a vehicle measures to its velocity through the water."""
+"""Networks: models that estimate a vehicle's velocity through the water from its sensors."""
 
 from typing import TYPE_CHECKING
 

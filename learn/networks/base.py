@@ -1,14 +1,14 @@
-"""Base of the networks: from input features to one velocity, without feedback of measured ones.
+"""Base of the networks: interface, sizes and checks of a network from features to one velocity.
 
-A network sees inputs and its own state, never a velocity:
+A network sees inputs and its own state, never a measured velocity:
 
     forward(x, state) -> (y, state)   x (time, batch, inputs), y (time, batch, 1)
     step(x, state) -> (y, state)      x (batch, inputs), y (batch, 1)
     initial_state(batch)              zeros, (batch, state_size)
 
-The state is one matrix so that every kind is carried, stored and exported the same way. Inputs and
+The state is one matrix, so that all types of network are stored and exported alike. Inputs and
 outputs are normalised values; see `twin.navigation.features` and `learn.networks.predictor`.
-`NetworkConfig` says which network, and how large.
+`NetworkConfig` holds the type of network and its sizes.
 """
 
 from __future__ import annotations
@@ -27,24 +27,23 @@ from learn.seams import NETWORKS
 from twin.errors import InputError
 
 LSTM_WEIGHTS = 8
-"""Weights of an LSTM per pair of units, four gates from the layer below and from itself: the most
-of the kinds without delays and taps."""
+"""Weights of an LSTM per pair of units: four gates, each from the layer below and from itself. It
+is the largest number among the types without delays and taps."""
 
 
 class Network(nn.Module, abc.ABC):
-    """Base of the networks. A kind says what it is and writes `forward`.
+    """Base class of networks. A subclass sets `summary` and `state_size` and writes `forward`.
 
-    The weights are drawn from torch's random generator when it is made. `__init__(config)` sets
-    `state_size`; a kind that has a shorter way to make one step writes `step` too, else it is
-    `forward` over one sample.
+    `__init__(config)` samples the weights from torch's random generator and sets `state_size`. The
+    default `step` is `forward` over one sample; a subclass may write a faster one.
     """
 
     summary: ClassVar[str]
-    """What it is, a few words for tables."""
+    """Description of the network in a few words, for tables."""
     sizes: ClassVar[tuple[str, ...]] = ("hidden", "layers")
-    """Which sizes of `NetworkConfig` it uses; others are refused on the command line."""
+    """Sizes of `NetworkConfig` that the network uses; the command line refuses others."""
     state_size: int
-    """Columns of the state."""
+    """Number of columns of the state."""
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
@@ -54,16 +53,16 @@ class Network(nn.Module, abc.ABC):
 
     @classmethod
     def weights_per_pair(cls, config: NetworkConfig) -> int:
-        """Weights per pair of hidden units and layer, to refuse sizes that no memory holds."""
+        """Weights per pair of hidden units and per layer, for the limit MOST_WEIGHTS."""
         return LSTM_WEIGHTS
 
     def initial_state(self, batch: int) -> Tensor:
-        """Zeros (batch, state_size): nothing is known yet."""
+        """State before the first sample: zeros (batch, state_size)."""
         return next(self.parameters()).new_zeros(batch, self.state_size)
 
     @abc.abstractmethod
     def forward(self, x: Tensor, state: Tensor | None = None) -> tuple[Tensor, Tensor]:
-        """Outputs (time, batch, 1) for inputs (time, batch, inputs), and the state after them."""
+        """Outputs (time, batch, 1) for inputs (time, batch, inputs), and the final state."""
 
     def step(self, x: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
         """Output (batch, 1) for one sample (batch, inputs), and the state after it."""
@@ -71,10 +70,10 @@ class Network(nn.Module, abc.ABC):
         return y[0], state
 
     def c_step(self) -> CStep:
-        """`step` of a single sequence in C99, for `learn export --to c`.
+        """C99 code of `step` for a single sequence, for `learn export --to c`.
 
         Raises:
-          InputError: this kind has none.
+          InputError: this type of network has no C code.
         """
         able = [name for name, kind in NETWORKS.items() if kind.c_step is not Network.c_step]
         raise InputError(
@@ -84,16 +83,16 @@ class Network(nn.Module, abc.ABC):
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """Name the fault of a kind, tried on a few samples; empty where it has none."""
+        """Fault of the class, found by a trial on a few samples; empty if there is none."""
         if unknown := [size for size in cls.sizes if size not in SIZES]:
             return f"it names size {unknown[0]!r}; there are {', '.join(SIZES)}"
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(0)
-            return _wrong(cls(NetworkConfig(kind=name, **TRIED)))
+            return _broken_rule(cls(NetworkConfig(kind=name, **TRIED)))
 
 
 def build_network(config: NetworkConfig) -> Network:
-    """The network that `config` describes, with fresh weights from torch's random generator."""
+    """Build the network of `config`, with weights sampled from torch's random generator."""
     return NETWORKS[config.kind](config)
 
 
@@ -108,13 +107,13 @@ TRIED: dict[str, Any] = {
     "dilation": 2,
 }
 TIME, BATCH = 7, 2
-"""Samples and sequences of the trial."""
+"""Numbers of samples and of sequences in the trial."""
 ROUNDING = 1e-4
-"""Of float32 outputs near 1 by two ways to work them out."""
+"""Largest rounding difference of float32 outputs near 1, from two orders of computation."""
 
 
-def _wrong(network: Network) -> str:
-    """What a network does not do as it must; empty when all is well."""
+def _broken_rule(network: Network) -> str:
+    """First rule of the interface that a network breaks; empty if it keeps all."""
     if not isinstance(getattr(network, "state_size", None), int):
         return "__init__ does not set state_size, the number of columns of its state"
     if not any(p.requires_grad for p in network.parameters()):
@@ -151,42 +150,42 @@ def _close(one: Tensor, other: Tensor) -> bool:
 
 
 COUNTS = {"hidden": 4096, "layers": 64, "delays": 256, "kernel": 256, "dilation": 256}
-"""The sizes that are whole numbers, and what is far beyond use for each (the paper's network has 3
-layers of 50 units and 5 delays): above it a slip of the finger would end in the words of a memory
-allocator."""
+"""Integer sizes with their largest allowed values, far above use (the paper's network has 3 layers
+of 50 units and 5 delays). They turn a typing error into a clear error instead of an allocation
+failure."""
 SIZES = (*COUNTS, "memories")
-"""All that a kind can name as a size of its own."""
+"""Names of all sizes that a network class may use."""
 MOST_MEMORIES = 64
 LONGEST_MEMORY = 86400.0
-"""[s]"""
+"""[s] Longest time constant of an average."""
 MOST_WEIGHTS = 1e9
-"""4 GB in float32; a training holds about four times that."""
+"""Largest number of weights: 4 GB in float32, and about four times as much in a training."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class NetworkConfig:
-    """Which network, and how large; a kind uses the sizes that its class names.
+    """Type and sizes of a network; a network uses the sizes that its class names.
 
     Raises:
-      InputError: there is no such kind, or a size is below 1 or far beyond use.
+      InputError: the type is unknown, or a size is below 1 or above its limit.
     """
 
     kind: str = "ema"
-    """A name of `learn.seams.NETWORKS`; elman is the paper's."""
+    """Name in `learn.seams.NETWORKS`; elman is the paper's network."""
     inputs: int = 0
-    """Number of input features; the training fills it in."""
+    """Number of input features, set by the training."""
     period: float = 0.0
-    """[s] between samples; the training fills it in. 0: not known."""
+    """[s] Sample period, set by the training; 0: unknown."""
     hidden: int = 50
     """Units per hidden layer."""
     layers: int = 3
-    """Hidden layers."""
+    """Number of hidden layers."""
     delays: int = 5
-    """elman: how many of its own last outputs each hidden layer is fed back."""
+    """elman: number of past outputs that each hidden layer gets back as input."""
     kernel: int = 3
     """tcn: taps of each convolution."""
     dilation: int = 4
-    """tcn: ratio of the tap spacings of one layer and the layer before; the first is 1 sample."""
+    """tcn: factor of the tap spacing from layer to layer; the first layer's spacing is 1 sample."""
     memories: tuple[float, ...] = (2.0, 8.0, 30.0)
     """[s] ema: time constants of the averages, rising."""
 

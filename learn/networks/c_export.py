@@ -4,8 +4,8 @@
     if (glider_step(&state, &sample, &velocity)) ... velocity.surge, velocity.sway [m/s]
 
 A sample holds the channels that the features read, by their schema names and in their units. The
-members of an ensemble are averaged. There is no allocation, no library but a square root, and no
-double, which small processors compute in software.
+members of an ensemble are averaged. The code allocates nothing, calls no library function but
+sqrtf, and has no double, which small processors compute in software.
 """
 
 from __future__ import annotations
@@ -41,29 +41,29 @@ from twin.records.storage.whole import whole_file
 from twin.vehicle.vehicle import Vehicle
 
 NAME = "glider_velocity.h"
-"""Of the file."""
+"""Name of the header file."""
 BEYOND = 1e-3
-"""Share of the samples that may differ by more than TOLERANCE. Where a hull stalls or falls over,
-the last digit of float32 decides on which side, and becomes a thousand times as much."""
+"""[1] Fraction of samples that may differ by more than TOLERANCE. When a hull stalls or turns over,
+rounding in the last digit of float32 can grow a thousandfold."""
 FLAGS = (
     *("-std=c99", "-O3", "-pedantic"),
     *("-Wall", "-Wextra", "-Wdouble-promotion", "-Werror"),
 )
-"""How the check compiles it; nothing in it is special to a processor."""
+"""Compiler options of the check, none of them specific to a processor."""
 
 
 def c_header(
     networks: Mapping[str, Ensemble], period: float, vehicle: Vehicle | None = None
 ) -> str:
-    """The header's text.
+    """Text of the C header.
 
     Args:
-      networks: surge and sway, each of the same features.
+      networks: ensembles surge and sway, with the same features.
       period: [s] between samples.
-      vehicle: as its file says; only networks that read estimated channels need it.
+      vehicle: vehicle as in its file; needed by networks that read estimated channels.
 
     Raises:
-      InputError: a kind of network or a feature has no C code, or the vehicle is needed.
+      InputError: a type of network or a feature has no C code, or the vehicle is missing.
     """
     features = networks["surge"].members[0].features
     for ensemble in networks.values():
@@ -163,7 +163,7 @@ def _unit(channel: str) -> str:
 
 
 def _scaled(name: str, member: Predictor) -> str:
-    """A function from features to the velocity of one member."""
+    """C function from features to the velocity [m/s] of one member."""
     scales, count = member.normalisation, len(member.features)
     body = f"""\
 {table("mean", scales.mean)}
@@ -182,7 +182,7 @@ def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int, period:
     estimated = [c for c in ESTIMATED if c in read.channels]
     flight, filters = [], 0
     if estimated:
-        filters = 1 + (networks["surge"].start is not None)  # as the networks read it; adapted
+        filters = 1 + (networks["surge"].start is not None)  # the networks' input; the adapted one
         flight = [
             f"float estimated[{filters}][{len(OUTPUTS)}];",
             f"for (int k = 0; k < {filters}; k++)",
@@ -245,13 +245,13 @@ def export_c(
     mission: MissionSequence,
     vehicle: Vehicle | None = None,
 ) -> Parity:
-    """Write the header, compile it and run a whole mission through it.
+    """Write the header, compile it and compare it with the networks over a whole mission.
 
     Raises:
-      InputError: there is no C compiler, or no C code of a kind of network or of a feature.
-      StoreError: it cannot be written, does not compile, or differs from the networks by more than
-        TOLERANCE in root mean square, or at more than BEYOND of the samples; a file that was there
-        is as it was.
+      InputError: there is no C compiler, or a type of network or a feature has no C code.
+      StoreError: the file cannot be written, does not compile, or differs from the networks by more
+        than TOLERANCE in root mean square or at more than BEYOND of the samples. An earlier file at
+        `path` then stays.
     """
     compiler, text = find_compiler(), c_header(networks, mission.period, vehicle)
     mission = _as_given(mission, networks["surge"], vehicle)
@@ -276,7 +276,7 @@ def export_c(
 def _as_given(
     mission: MissionSequence, networks: Ensemble, vehicle: Vehicle | None
 ) -> MissionSequence:
-    """A mission in the float32 that a sample has; stores of logs fill gaps with more digits."""
+    """Round a mission's signals to float32, as a C sample has; filled gaps of logs are float64."""
     signals = {n: v.astype(np.float32).astype(np.float64) for n, v in mission.signals.items()}
     if vehicle is not None:
         period, spread = mission.period, networks.spread
@@ -287,7 +287,7 @@ def _as_given(
 
 
 VELOCITIES = ("surge", "sway")
-"""In the order in which the checking program writes them."""
+"""Velocities in the order in which the checking program writes them."""
 MAIN = """\
 #include "{header}"
 #include <stdio.h>
@@ -321,10 +321,10 @@ int main(void)
 
 
 def find_compiler() -> tuple[str, ...]:
-    """The command of $CC, or `cc`.
+    """Command of the C compiler: $CC, or `cc`.
 
     Raises:
-      InputError: there is no such program.
+      InputError: the program is not installed.
     """
     command = tuple(shlex.split(os.environ.get("CC", ""))) or ("cc",)
     if shutil.which(command[0]) is None:
@@ -345,10 +345,10 @@ def run_c(
     """Compile a header, and run a mission through it.
 
     Returns:
-      Surge, sway and their deviations [m/s], (time, 4), and the time of a step [us].
+      Surge, sway and their intervals' half-widths [m/s], (time, 4), and the time of a step [us].
 
     Raises:
-      StoreError: it does not compile, or stops.
+      StoreError: the program does not compile, or fails.
     """
     features = networks["surge"].members[0].features
     channels = sources(c_features(features, mission.period).channels)

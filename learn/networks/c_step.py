@@ -1,13 +1,12 @@
-"""C step: one step of a network in C99, made of weights and statements.
+"""C step: code of one step of a network in C99, made of weights and statements.
 
-A kind's `c_step` gives the body of
+A network's `c_step` returns the body of
 
     static inline float NAME(float *state, const float *x)
 
-from normalised inputs to the normalised output. It may call what `PRELUDE` and that of
-`twin.navigation.c_math` define. Matrices lie input by input (`transposed`), so that the
-inner loop runs over units and compilers make vector instructions of it without being allowed to
-reorder sums.
+from normalised inputs to the normalised output. The body may call the functions of `PRELUDE` here
+and in `twin.navigation.c_math`. Matrices are stored input by input (`transposed`). The inner loop
+then runs over units, and compilers can vectorise it without reordering sums.
 """
 
 from __future__ import annotations
@@ -80,15 +79,15 @@ static inline void gt_append(float *rows, int count, int width, const float *row
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CStep:
-    """One step in C."""
+    """Constants and statements of one step in C."""
 
     arrays: Mapping[str, Tensor]
-    """Constants of the body by name; they are flattened."""
+    """Constant arrays of the body by name; C gets them flattened."""
     body: str
-    """Statements, which end by returning the output."""
+    """Statements, the last of which returns the output."""
 
     def function(self, name: str) -> str:
-        """The whole function."""
+        """Text of the whole C function."""
         tables = "\n".join(
             table(key, values.detach().cpu().float().reshape(-1).tolist())
             for key, values in self.arrays.items()
@@ -98,17 +97,17 @@ class CStep:
 
 
 def indented(text: str) -> str:
-    """Four spaces before every line."""
+    """Indent every line by four spaces."""
     return "\n".join(f"    {line}" if line else "" for line in text.splitlines())
 
 
 def transposed(matrix: Tensor) -> Tensor:
-    """A weight matrix (rows, columns) as the prelude's functions read it."""
+    """Transpose a weight matrix (rows, columns) for the functions of PRELUDE."""
     return matrix.T.contiguous()
 
 
 def read_out(arrays: dict[str, Tensor], lines: list[str], out: nn.Linear, source: str) -> CStep:
-    """A step that ends by a linear layer over `source`, which gives the output."""
+    """Complete a step with a linear layer from the C array `source` to the output."""
     lines += [
         "float out[1];",
         f"gt_dense(out, weight_out, bias_out, {source}, {out.in_features}, 1);",
@@ -119,8 +118,8 @@ def read_out(arrays: dict[str, Tensor], lines: list[str], out: nn.Linear, source
 
 
 def perceptron(sizes: list[int], activation: str, source: str = "x") -> str:
-    """Statements that run layers `weight_K`, `bias_K` of these sizes over `source` into
-    `float out[...]` of the last size; the activation follows all but the last."""
+    """C statements of a perceptron from `source` to `float out[...]`, with layers `weight_K` and
+    `bias_K` of these sizes; the last layer has no activation."""
     lines, last = [], len(sizes) - 2
     for k in range(last + 1):
         made = "out" if k == last else f"h{k}"

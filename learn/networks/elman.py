@@ -1,11 +1,10 @@
-"""Elman: the paper's network, hidden tanh layers that are fed back with their own last outputs.
+"""Elman: the paper's network, hidden tanh layers that get their own past outputs as inputs.
 
     h_t = tanh(W x_t + sum_{i=1..past} U_i h_{t-i} + b)
 
-`ContextDelay` works on tensors laid out as (time, features, batch). There the past states of one
-step are one contiguous block, so that each step is one matrix product of (hidden, past * hidden)
-with (past * hidden, batch), forward and backward, and every weight gradient is one product over
-all times.
+`ContextDelay` uses tensors laid out as (time, features, batch): past states of one step are one
+contiguous block. Each step, forward or backward, is one matrix product of (hidden, past * hidden)
+with (past * hidden, batch). Each weight gradient is one product over all times.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from learn.networks.c_step import CStep, read_out, transposed
 
 
 class Elman(Network):
-    """State columns: layer by layer, oldest output first."""
+    """Elman network. State columns: layer by layer, oldest output first."""
 
     summary = "the paper's: hidden layers that are fed back with their own last outputs"
     sizes = ("hidden", "layers", "delays")
@@ -96,7 +95,7 @@ class Elman(Network):
 
 
 class ContextDelay(nn.Module):
-    """One hidden layer with `past` context delays.
+    """Hidden layer that gets its last `past` outputs as inputs.
 
     Parameters: `weight` (hidden, inputs), `recurrent` (hidden, past * hidden) with the oldest
     delay first, `bias` (hidden,).
@@ -111,7 +110,7 @@ class ContextDelay(nn.Module):
         self.reset_parameters()
 
     def reset_parameters(self) -> None:
-        """Glorot's uniform input weights; recurrent ones uniform with the same fan, all delays."""
+        """Sample weights: Glorot's uniform rule, for recurrent ones with fan-in past * hidden."""
         nn.init.xavier_uniform_(self.weight)
         bound = 1.0 / math.sqrt(self.past * self.hidden)
         nn.init.uniform_(self.recurrent, -bound, bound)
@@ -159,7 +158,7 @@ class _Recurrence(torch.autograd.Function):
         x, states, weight, recurrent = ctx.saved_tensors
         time, _, batch = x.shape
         past, hidden = states.shape[0] - time, states.shape[1]
-        # blocks transposed, shortest delay first: block i multiplies the gradient i + 1 later
+        # transposed, shortest delay first: block i multiplies the gradient i + 1 samples later
         turned = recurrent.view(hidden, past, hidden).flip(1).permute(2, 1, 0)
         transposed = turned.reshape(hidden, past * hidden)
         deltas = x.new_zeros(past + time + past, hidden, batch)
@@ -185,13 +184,13 @@ class _Recurrence(torch.autograd.Function):
 
 
 def _blocks(x: Tensor, past: int, count: int) -> tuple[Tensor, ...]:
-    """`past` rows of (time, features, batch) from each of the first `count` on, as matrices
-    (past * features, batch) that share its memory."""
+    """Views of x (time, features, batch): for each of the first `count` times, the `past` rows from
+    that time on, as one matrix (past * features, batch)."""
     _, features, batch = x.shape
     shape = (count, past * features, batch)
     return x.as_strided(shape, (features * batch, batch, 1), x.storage_offset()).unbind()
 
 
 def _by_feature(x: Tensor) -> Tensor:
-    """(time, features, batch) as (features, time * batch)."""
+    """Reshape (time, features, batch) to (features, time * batch)."""
     return x.transpose(0, 1).reshape(x.shape[1], -1)

@@ -1,13 +1,12 @@
-"""Familiarity: whether a vehicle is one that the training knew, by what its flight filter finds.
+"""Familiarity: detect hulls unlike the training's, and limit the networks' bias on other vehicles.
 
-A hull with growth on it makes inputs that are all usual, and goes together as no hull of the
-training did: the Mahalanobis distance of the inputs hardly tells it. The flight filter's constants
-do, since their spread over training missions says which hulls those were.
+A hull with biofouling gives inputs that are usual one by one. The Mahalanobis distance of all
+inputs hardly shows such a hull. The flight filter's constants do, compared with their mean and
+standard deviation over the training missions.
 
-A kind of vehicle that no training mission was of may do what none of these did, such as begin its
-dives stalled. There networks can be wrong by half, and the filter, which has the vehicle's own
-equation of motion, is not. So a tether holds what lasts of their difference to what it was in
-validation.
+A vehicle model outside the training can move as no training mission did, for example dive stalled.
+The networks' surge can then be wrong by half, while the flight filter uses the vehicle's own
+equation of motion. `Tether` limits the lasting difference between both to its size in validation.
 """
 
 from __future__ import annotations
@@ -34,20 +33,20 @@ from twin.records.attributes import SPLIT
 from twin.records.reader import MissionStore
 
 FAR = 3.0
-"""Deviations from the training's mean that count as 1"""
+"""Standard deviations from the training's mean at which the out-of-distribution score is 1"""
 MISSIONS = 60
-"""of the training from which the spread is known, to 10 %"""
+"""Training missions to fit the hulls' statistics to: standard deviations are known to 10 %"""
 TRIED = 24
-"""of each store, from which the spread of the drag is known to 15 %"""
+"""Missions per store to classify the hulls: the drag's standard deviation is known to 15 %"""
 CLEAN_MOST = 0.13
-"""of ln(factor) on the drag: hulls that are off by less are as their file. Stores of preset `field`
-have 0.06 to 0.08, of three vehicles; those of `family`, or with 40 % more drag, 0.24 to 0.36"""
+"""Largest rms of ln(drag factor) for hulls that count as their vehicle file. Three vehicles
+have 0.06 to 0.08 with preset `field`, 0.24 to 0.36 with `family` or with 40 % more drag"""
 
 
 def training_flights(
     stores: Stores, period: float | None, spread: FlightSpread | None, limit: int
 ) -> Iterator[tuple[FlightFilter, Iterator[MissionSequence]]]:
-    """Of each store a filter of its vehicle, and up to `limit` missions that train."""
+    """For each store, a flight filter of its vehicle and up to `limit` training missions."""
     for store in each_store(stores):
         with MissionStore(store) as reader:
             trains = SPLIT in reader and "train" in reader.splits
@@ -58,10 +57,10 @@ def training_flights(
 
 
 def training_hulls(stores: Stores, features: Sequence[str], period: float | None) -> str:
-    """Which of `twin.navigation.flight_filter.HULLS` those of a training are.
+    """Classify a training's hulls as a key of `twin.navigation.flight_filter.HULLS`.
 
-    By the drag that the filter for any hull finds in the training missions. Networks that do not
-    read the filter have no use for it.
+    The criterion is the drag that the flight filter for any hull finds in training missions. For
+    networks that do not read the flight filter, the answer is ANY.
 
     Raises:
       StoreError: see `Selection`.
@@ -81,17 +80,16 @@ def training_hulls(stores: Stores, features: Sequence[str], period: float | None
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Familiarity:
-    """Constants of the flight filter at the end of training missions, in the order of CONSTANTS."""
+    """Training missions' mean and standard deviation of the flight filter's final CONSTANTS."""
 
     mean: tuple[float, ...]
     deviation: tuple[float, ...]
 
     @classmethod
     def fit(cls, known: Iterable[tuple[FlightFilter, Iterable[MissionSequence]]]) -> Self:
-        """From training missions with the filter's channels, by the filters of their vehicles.
+        """Fit to training missions with the filter's channels, given with their vehicles' filters.
 
-        A constant is how far a hull is from its own file, so that those of several vehicles make
-        one spread.
+        Constants are relative to the vehicle's own file, so that several vehicles can be pooled.
         """
         found: list[tuple[float, ...]] = []
         prior = np.zeros(len(CONSTANTS))
@@ -99,16 +97,16 @@ class Familiarity:
             found += [ended(flight, one) for one in missions]
             prior = np.maximum(prior, flight.model.prior)
         ends = np.array(found)
-        # a spread of nothing is no spread: that which the filter takes for possible
+        # identical hulls would give zero: at least a tenth of the filter's prior
         spread = np.maximum(ends.std(0), 0.1 * prior)
         return cls(mean=tuple(ends.mean(0).tolist()), deviation=tuple(spread.tolist()))
 
     @classmethod
     def read(cls, said: Mapping[str, Any], place: str) -> Self:
-        """From the entry of a run's description; `place` is for errors.
+        """Read the entry of a run's description; `place` is its file, for errors.
 
         Raises:
-          StoreError: it is not whole.
+          StoreError: the entry is incomplete.
         """
         found = {}
         for name in ("mean", "deviation"):
@@ -124,17 +122,17 @@ class Familiarity:
         return cls(**found)
 
     def outside(self, constants: Array) -> tuple[float, str]:
-        """How far outside of the training a hull is, and by which constant: above 1 it is.
+        """Out-of-distribution score of a hull, above 1 if outside, and the constant that sets it.
 
         Args:
-          constants: of the flight filter, (7,).
+          constants: constants of the flight filter, (7,).
         """
         far = np.abs(np.asarray(constants) - self.mean) / (FAR * np.array(self.deviation))
         return float(far.max()), CONSTANTS[int(far.argmax())]
 
     def c_function(self, prior: Array) -> str:
-        """`float glider_outside(const glider_state *state)` in C99, whose constants are counted in
-        prior deviations (7,)."""
+        """C99 code of `float glider_outside(const glider_state *state)`, the score of `outside`,
+        for constants in units of the prior standard deviations `prior` (7,)."""
         return f"""\
 /* How far the hull is outside of those of the training: above 1 it is. */
 static inline float glider_outside(const glider_state *state)
@@ -150,72 +148,73 @@ static inline float glider_outside(const glider_state *state)
 
 
 def ended(flight: FlightFilter, mission: MissionSequence) -> tuple[float, ...]:
-    """Constants at the end of a mission, from the filter's start on."""
+    """Constants of the flight filter at the end of a mission; the filter is reset first."""
     flight.reset()
     flight.run(mission.signals)
     return tuple(value for value, _ in flight.constants.values())
 
 
 def widened(interval: float, outside: float | None) -> float:
-    """An interval that validation showed, as it is said where the hull is `outside` of training.
+    """Widen an interval from validation in proportion to the hull's score.
 
     Args:
-      interval: [m/s] either way.
-      outside: as `Familiarity.outside`, which widens it above 1; None: unknown.
+      interval: [m/s] half-width of the interval.
+      outside: score of `Familiarity.outside`, with effect above 1; None: unknown.
     """
     return interval * max(1.0, outside or 0.0)
 
 
 HELD_TO = ("estimated_surge", "adapted_surge")
-"""The filter's surge that networks are held to, without an adapted one and with it"""
+"""Channels of the flight filter's surge that the bias limit refers to: not adapted, adapted"""
 LASTS_S = 60.0
-"""[s] exponential mean of the difference: longer than an inflection, shorter than a glide"""
+"""[s] Time constant of the mean difference: longer than an inflection, shorter than a glide"""
 SHARE = 0.5
-"""of the validation samples that are within the reach. Chosen of 0.5, 0.68 and 0.9, as LASTS_S of
-20, 60 and 200 s, on Slocums and Seagliders that networks of three other kinds had not seen."""
+"""[1] Fraction of validation samples within the limit. It was chosen from 0.5, 0.68 and 0.9, and
+LASTS_S from 20, 60 and 200 s, on Slocums and Seagliders with networks of three other vehicles."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Tether:
-    """What networks' surge, in the mean of a minute, may be off the flight filter's."""
+    """Bias limit: largest mean difference, over a minute, of networks' surge from the filter's."""
 
     most: float
-    """[m/s] either way"""
+    """[m/s] Largest absolute difference"""
 
     @classmethod
     def of(cls, apart: Sequence[Array], period: float) -> Tether:
-        """From differences [m/s] of networks and filter on validation missions, each (time,)."""
+        """Fit to differences [m/s] of networks and filter on validation missions, each (time,)."""
         lasting = np.concatenate([_lasting(one, period) for one in apart])
         return cls(float(np.quantile(np.abs(lasting), SHARE)))
 
     def held(self, surge: NDArray[Any], filtered: Array, period: float) -> Array:
-        """Surge [m/s] within reach of the filter's, both (time,) from the launch on."""
+        """[m/s] Surge with its bias limited, (time,); both arguments begin at the launch."""
         lasting = _lasting(surge - filtered, period)
         return surge - (lasting - np.clip(lasting, -self.most, self.most))
 
     def step(self, lasting: float, apart: float, period: float) -> tuple[float, float]:
-        """One sample: the mean so far, 0 before the first, and the difference [m/s] at it to the
-        next mean and what is to be taken off the surge."""
+        """Update the mean difference `lasting` [m/s], 0 at the start, with a sample's difference
+        `apart`; returns the new mean and the correction to subtract from surge."""
         lasting += share(period) * (apart - lasting)
         return lasting, lasting - min(max(lasting, -self.most), self.most)
 
     def c_statements(self, surge: str, filtered: str, period: float) -> list[str]:
-        """The same in C: a line that follows the mean in `state->lasting`."""
+        """C line that updates the mean difference `state->lasting`."""
         return [
             f"state->lasting += {number(share(period))} * ({surge} - {filtered} - state->lasting);"
         ]
 
     def c_off(self) -> str:
-        """What to take off the surge then, in C."""
+        """C expression of the correction to subtract from surge."""
         return f"(state->lasting - gt_bounded(state->lasting, {number(self.most)}))"
 
 
 def share(period: float) -> float:
-    """Of a sample in the mean, one every `period` [s]."""
+    """Weight of one sample in the exponential mean, for a sample period [s]."""
     return -math.expm1(-period / LASTS_S)
 
 
 def _lasting(apart: Array, period: float) -> Array:
-    """From 0 on: a filter that begins under way takes some seconds to know its speed."""
+    """Exponential mean of a difference (time,). It starts from 0, because a flight filter that
+    starts under way needs some seconds to find the speed."""
     part = share(period)
     return np.asarray(lfilter([part], [1.0, part - 1.0], apart), np.float64)

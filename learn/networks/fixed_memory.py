@@ -1,10 +1,10 @@
-"""Networks whose memory has no weights: a recall of past inputs before a readout.
+"""Fixed memory: networks with an untrained memory of past inputs, read by a trained function.
 
-    z_t, state = recall(x_t, state)     fixed: nothing in it is trained
-    y_t = read(z_t)                     a function of one sample
+    z_t, state = recall(x_t, state)     fixed: has no trained weights
+    y_t = read(z_t)                     trained: a function of one sample
 
-What is recalled does not depend on the weights. A training works it out once for whole missions,
-and then sees single samples in any order: no windows, no wash-in, and no gradient through time.
+Since z does not depend on the weights, a training computes it once for whole missions. It then
+uses single samples in any order: no windows, no warm-up, and no gradient through time.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from twin.errors import InputError
 
 
 class FixedMemory(Network):
-    """Base of these networks. A kind writes `recall` and `read`."""
+    """Base class of networks with a fixed memory. A subclass writes `recall` and `read`."""
 
     @abc.abstractmethod
     def recall(self, x: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
-        """What the readout sees, (time, batch, recalled), for inputs (time, batch, inputs), and
-        the state after them."""
+        """Memory (time, batch, recalled) for inputs (time, batch, inputs), and the final state."""
 
     @abc.abstractmethod
     def read(self, recalled: Tensor) -> Tensor:
-        """Outputs (..., 1) of what is recalled, (..., recalled)."""
+        """Outputs (..., 1) from the memory (..., recalled)."""
 
     def mirrored(self, signs: Tensor) -> Tensor:
-        """Signs (recalled,) that the mirror port to starboard gives to what is recalled, from
-        those of the inputs (inputs,). Recall must be linear but for its start."""
+        """Signs (recalled,) of the memory in a mission's mirror image, from the inputs' (inputs,).
+
+        `recall` must be linear, apart from its start."""
         recalled, _ = self.recall(signs[None, None], self.initial_state(1))
         return torch.sign(recalled[0, 0])
 
@@ -55,7 +55,7 @@ def _perceptron(inputs: int, config: NetworkConfig, unit: type[nn.Module]) -> nn
 
 
 def _body_arrays(body: nn.Sequential) -> tuple[dict[str, Tensor], list[int]]:
-    """Weights and biases of a perceptron's layers by their names in C, and the layers' sizes."""
+    """Weights and biases of a perceptron by their names in C, and the sizes of its layers."""
     layers = [layer for layer in body if isinstance(layer, nn.Linear)]
     arrays: dict[str, Tensor] = {}
     for k, layer in enumerate(layers):
@@ -64,7 +64,7 @@ def _body_arrays(body: nn.Sequential) -> tuple[dict[str, Tensor], list[int]]:
 
 
 class Memoryless(FixedMemory):
-    """A multilayer perceptron, which sees one sample at a time: memory is measured against it."""
+    """Multilayer perceptron of one sample at a time: the baseline for networks with memory."""
 
     summary = "a multilayer perceptron without memory"
     state_size = 0
@@ -74,7 +74,7 @@ class Memoryless(FixedMemory):
         self.body = _perceptron(config.inputs, config, nn.Tanh)
 
     def recall(self, x: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
-        """The sample itself."""
+        """Input as it is; see `FixedMemory.recall`."""
         return x, state
 
     def read(self, recalled: Tensor) -> Tensor:
@@ -90,23 +90,22 @@ class Memoryless(FixedMemory):
 
 
 BLOCK = 32
-"""Samples whose averages are worked out as one matrix product."""
+"""Number of samples whose averages are computed in one matrix product."""
 
 
 class ExponentialAverages(FixedMemory):
-    """Exponential moving averages of every input, and a perceptron that reads them.
+    """Exponential moving averages of every input, read by a perceptron.
 
         m_t = m_{t-1} + (1 - exp(-T / tau)) (x_t - m_{t-1})
 
-    for each input x and each memory tau [s], with T [s] between samples. The averages start at the
+    for each input x and each memory tau [s], with sample period T [s]. The averages start at the
     first sample. This is the exponential trace memory of M. C. Mozer, "Neural net architectures for
-    temporal sequence processing" (1993), with decays that are given and not learned: an underwater
-    glider settles within half a minute, and averages over 2, 8 and 30 s say how far it is from
-    that. State columns: memory by memory the averages, then 1 once there was a sample.
+    temporal sequence processing" (1993), with given decays instead of learned ones. A glider
+    settles within half a minute; averages over 2, 8 and 30 s show how far it is from steady state.
+    State columns: the averages, memory by memory, then 1 after the first sample.
 
-    The readout is a perceptron of SiLU units beside a linear path. What is nearly linear in the
-    inputs, such as the speed along a steady path, is learned at once and holds beyond the missions
-    of the training.
+    The readout is a perceptron of SiLU units in parallel with a linear layer. The linear layer
+    learns relations such as speed along a steady path at once, and they hold outside the training.
     """
 
     summary = "exponential moving averages of every input, read by a perceptron without memory"
@@ -129,10 +128,10 @@ class ExponentialAverages(FixedMemory):
         self.state_size = config.inputs * len(config.memories) + 1
 
     def recall(self, x: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
-        """See `FixedMemory.recall`: the sample, then its averages, memory by memory.
+        """Inputs and then their averages, memory by memory; see `FixedMemory.recall`.
 
-        Within blocks the averages are products with a triangular matrix; only from block to block
-        they are carried on one by one.
+        Within a block the averages are one product with a triangular matrix. Only the step from
+        block to block is a loop.
         """
         time, batch, inputs = x.shape
         keep, blocks = self.keep, -(-time // BLOCK)
@@ -151,14 +150,14 @@ class ExponentialAverages(FixedMemory):
         return torch.cat([x, averages], -1), state
 
     def _of_a_block(self, keep: Tensor) -> Tensor:
-        """(memories, BLOCK, BLOCK): from a block's samples to what they add to its averages."""
+        """Matrices (memories, BLOCK, BLOCK) from a block's samples to their share of averages."""
         places = torch.arange(BLOCK).to(keep)
         age = places[:, None] - places
         return torch.where(age < 0, 0.0, (1.0 - keep[..., None]) * keep[..., None] ** age.clamp(0))
 
     def _before(self, x: Tensor, state: Tensor) -> Tensor:
-        """Averages (batch, memories, inputs) before the sample x (batch, inputs): those of the
-        state, or the sample itself where it is the first."""
+        """Averages (batch, memories, inputs) before the sample x (batch, inputs): the state's, or
+        the sample itself if it is the first."""
         averages = state[:, :-1].unflatten(1, (len(self.keep), self.config.inputs))
         return torch.lerp(x[:, None].expand_as(averages), averages, state[:, -1:, None])
 
@@ -178,7 +177,7 @@ class ExponentialAverages(FixedMemory):
         arrays, sizes = _body_arrays(self.body)
         arrays |= {"keep": self.keep, "straight": self.straight.weight}
         inputs, memories = self.config.inputs, len(self.keep)
-        # the first layer reads inputs and averages where they lie: a copy would be 0.4 kB of stack
+        # the first layer reads inputs and averages in place: a copy would take 0.4 kB of stack
         made, rows = ("h0" if len(sizes) > 2 else "out"), sizes[1]
         averages = inputs * memories
         layers = perceptron(sizes, "gt_silu", "seen").replace(

@@ -1,8 +1,4 @@
-"""Gated layers: what LSTM and GRU share.
-
-GRU layers.
-LSTM layers.
-"""
+"""Gated networks: LSTM and GRU layers of torch, and their common base class."""
 
 from __future__ import annotations
 
@@ -16,16 +12,16 @@ from learn.networks.c_step import CStep, read_out, transposed
 
 
 class Gated(Network):
-    """Layers of one cell. State columns: layer by layer the outputs, then the cells of an LSTM."""
+    """Base class of LSTM and GRU. State columns: outputs layer by layer, then an LSTM's cells."""
 
     cell: ClassVar[type[nn.LSTM] | type[nn.GRU]]
     parts: ClassVar[int]
-    """Matrices of the state: outputs, and the cells of an LSTM."""
+    """Number of matrices in the state: outputs, and for an LSTM also cells."""
     gates: ClassVar[int]
-    """Blocks of a layer's weights."""
+    """Number of blocks, one per gate, in a layer's weights."""
     c_units: ClassVar[str]
-    """What a layer does in C with `own` and `fed`, the blocks from its inputs and from its last
-    outputs, to its last outputs `h` and cells `c`: the statements for unit i of `hidden`."""
+    """C statements that update output `h[i]` and cell `c[i]` of unit i of `hidden`. `own` and `fed`
+    hold each gate's sum over the layer's inputs and over its last outputs."""
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__(config)
@@ -74,7 +70,7 @@ class Gated(Network):
 
 
 class Gru(Gated):
-    """torch's GRU."""
+    """GRU of torch."""
 
     summary = "gated recurrent units"
     cell = nn.GRU
@@ -89,7 +85,7 @@ h[i] = fresh + keep * (h[i] - fresh);
 
 
 class Lstm(Gated):
-    """torch's LSTM."""
+    """LSTM of torch."""
 
     summary = "long short-term memory: gated layers with cells"
     cell = nn.LSTM

@@ -1,6 +1,6 @@
-"""Network velocity: a trained run on board, sample by sample: features, networks, scales.
+"""Network estimator: a trained run as an estimator of velocity, sample by sample on board.
 
-Network flight: a trained run as an estimator of `twin flight --estimator network:RUN`.
+`NetworkFlight` is the estimator of `twin flight --estimator network:RUN`.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ from twin.records.storage.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle
 
 FASTEST = simulated_limits("true_surge")[1]
-"""[m/s] that a network may say at most, either way"""
+"""[m/s] Largest absolute velocity of a network's output; larger ones are clipped"""
 
 
 class NetworkVelocity(VelocityEstimator):
     """Surge and sway by the networks of a run, equal to `Run.predict` to rounding of float32.
 
-    What a sensor cannot have said never comes into its memory (`ChannelGuard`): the last good value
-    stands for it, `held` names those channels, and the velocity stays within FASTEST.
-    It states the error that validation missions showed; how far the members of an ensemble differ
-    says nothing of what they have in common, vehicle and sensors. Heave is left to the depth rate.
+    `ChannelGuard` replaces an impossible sensor value by the last good one; `held` names these
+    channels. The stated error is that of validation missions: the difference between an ensemble's
+    members does not include errors of vehicle and sensors, which all members share. The caller
+    solves heave from the vertical velocity.
     """
 
     kind = "network"
@@ -61,16 +61,16 @@ class NetworkVelocity(VelocityEstimator):
         vehicle: Vehicle | None = None,
         deviation: VelocityDeviation | None = None,
     ):
-        """Begin before the first sample.
+        """Start before the first sample.
 
         Args:
-          networks: `surge` and `sway`.
-          period: [s] between the samples that they were trained on.
-          vehicle: as its file says; only networks that read estimated channels need it.
-          deviation: of their velocity, such as `Run.velocity_deviation`; None: nothing is stated.
+          networks: ensembles `surge` and `sway`.
+          period: [s] sample period of the training.
+          vehicle: vehicle as in its file; needed by networks that read estimated channels.
+          deviation: stated standard deviation, such as `Run.velocity_deviation`; None states none.
 
         Raises:
-          InputError: they do, and there is no vehicle or none that the flight filter suits.
+          InputError: the vehicle is needed, and is missing or does not suit the flight filter.
         """
         self.period = period
         self._adapted = networks["surge"].adapted
@@ -112,10 +112,10 @@ class NetworkVelocity(VelocityEstimator):
 
     @classmethod
     def open(cls, argument: str, vehicle: Vehicle, period: float) -> Self:
-        """The networks of the run in the folder `argument`, at the period of their training.
+        """Open the run in the folder `argument`; the sample period is the training's.
 
         Raises:
-          InputError: no folder is given. StoreError: there is no run in it.
+          InputError: no folder is given. StoreError: the folder holds no run.
         """
         if not argument:
             raise InputError("the estimator network needs a run: network:runs/NAME")
@@ -129,7 +129,7 @@ class NetworkVelocity(VelocityEstimator):
 
     @property
     def outside(self) -> float | None:
-        """How far the hull is outside of the training's so far, above 1 it is; None: unknown."""
+        """Out-of-distribution score of the hull so far, above 1 if outside; None: unknown."""
         if self._flight is None or self._familiar is None:
             return None
         constants = np.array([value for value, _ in self._flight.constants.values()])
@@ -137,8 +137,8 @@ class NetworkVelocity(VelocityEstimator):
 
     @property
     def intervals(self) -> dict[str, float]:
-        """[m/s] either way, within which 68 % of the errors of `surge` and `sway` are said to be at
-        the last sample (`learn.evaluation.deviation`); infinite where no validation showed it."""
+        """[m/s] Half-width of the interval with 68 % of the errors of `surge` and `sway` at the
+        last sample (`learn.evaluation.deviation`); infinite without validation."""
         outside = self.outside
         found = {name: widened(known, outside) for name, known in self._known.items()}
         if self._adapted is not None:
@@ -147,7 +147,7 @@ class NetworkVelocity(VelocityEstimator):
 
     @property
     def held(self) -> tuple[str, ...]:
-        """Channels whose last good value stands for that of the last sample."""
+        """Channels in which the last good value replaces that of the last sample."""
         return self._guard.held
 
     def reset(self) -> None:
@@ -158,14 +158,14 @@ class NetworkVelocity(VelocityEstimator):
             if flight is not None:
                 flight.reset()
         self._lasting = 0.0  # see `Tether.step`
-        self._mixed = (0.0, 0.0)  # whether the second filter's glide is steady, its deviation
+        self._mixed = (0.0, 0.0)  # second filter: 1 in a steady glide, surge's std deviation
         self._states = {
             name: [one.network.initial_state(1) for one in members]
             for name, members in self._members.items()
         }
 
     def step(self, sample: Mapping[str, float]) -> BodyVelocity:
-        """See `VelocityEstimator`; at rest until every channel has had a good value."""
+        """See `VelocityEstimator`; zero until every channel has had a good value."""
         kept = self._guard.step(sample)
         if kept is None:
             return BodyVelocity(surge=0.0, sway=0.0)
@@ -218,7 +218,7 @@ class NetworkVelocity(VelocityEstimator):
         """See `VelocityEstimator`.
 
         Raises:
-          InputError: it is of other networks.
+          InputError: the state is of other networks.
         """
         for name, states in self._states.items():
             for k, one in enumerate(states):
@@ -237,17 +237,17 @@ class NetworkVelocity(VelocityEstimator):
 
 
 def bounded(value: float) -> float:
-    """A velocity [m/s] that a vehicle can have; 0 for what is none."""
+    """Clip a velocity [m/s] to FASTEST; 0 for NaN."""
     return min(max(value, -FASTEST), FASTEST) if value == value else 0.0
 
 
 def _below(prefix: str, state: State) -> dict[str, NDArray[Any]]:
-    """The entries whose names begin so, without that."""
+    """Entries whose names begin with `prefix`, by their names without it."""
     return {k[len(prefix) :]: v for k, v in state.items() if k.startswith(prefix)}
 
 
 class NetworkFlight(FlightEstimator):
-    """Surge and sway by the networks of a run; heave is solved for from the depth rate."""
+    """Surge and sway by the networks of a run; heave is solved from the vertical velocity."""
 
     kind = "network"
     summary = "surge and sway by the networks of a run of `learn fit`: network:RUN"
@@ -258,11 +258,11 @@ class NetworkFlight(FlightEstimator):
 
     @classmethod
     def open(cls, argument: str) -> Self:
-        """The estimator of the run in the folder `argument`.
+        """Open the run in the folder `argument`.
 
         Raises:
           InputError: no folder is given.
-          StoreError: there is no run in it.
+          StoreError: the folder holds no run.
         """
         if not argument:
             raise InputError("the estimator network needs a run: network:runs/NAME")
@@ -271,7 +271,7 @@ class NetworkFlight(FlightEstimator):
     def motion(
         self, store: MissionStore, log: Log, calibration: Calibration, start: Velocity
     ) -> Translation:
-        """See `FlightEstimator.motion`; between the samples of a coarser run, linear."""
+        """See `FlightEstimator.motion`; a run of longer period is interpolated linearly."""
         if store.path not in self._predictions:
             found = self.run.predict(store.path)
             self._predictions[store.path] = {one.mission: one for one in found}

@@ -2,12 +2,12 @@
 
     features (1, inputs), state (1, state_size)  ->  velocity (1, 1), next_state (1, state_size)
 
-Features are in their own units and the velocity in m/s: the scales are inside. Everything is
-float32 and every shape is fixed. The file's metadata say which features in which order, their
-units, the velocity, the sample period and the version of this layout. The graph is torch's own
-export of `Network.step` between the scales, so that a kind of network needs no second description.
+Features are in their own units and the velocity in m/s: the normalisation is inside. All values are
+float32 and all shapes are fixed. The file's metadata hold the features in order, their units, the
+velocity, the sample period and the version of this layout. The graph is torch's own export of
+`Network.step`, so that a type of network needs no second description.
 
-Parity: an exported network against the trained one.
+`Parity` holds the difference between an exported network and the trained one.
 """
 
 from __future__ import annotations
@@ -35,40 +35,40 @@ from twin.navigation.features import feature, is_known
 from twin.records.storage.whole import whole_file
 
 TOLERANCE = 1e-5
-"""[m/s] largest difference to the trained network over a mission."""
+"""[m/s] Largest allowed difference from the trained network over a mission."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Parity:
-    """An exported model against the trained network on one mission."""
+    """Difference between an exported model and the trained network on one mission."""
 
     path: Path
     mission: int
     samples: int
     largest: float
-    """[m/s] largest difference."""
+    """[m/s] Largest absolute difference."""
     rms: float
-    """[m/s] root mean square difference, of surge or sway, whichever is larger."""
+    """[m/s] Root mean square difference of surge or sway, whichever is larger."""
     step_us: float
-    """[us] per step, one thread."""
+    """[us] Time per step with one thread."""
 
 
 Floats = NDArray[np.float32]
 
 LAYOUT = 1
-"""Version of names and metadata."""
+"""Version of the input and output names and of the metadata."""
 OPSET = 18
 """ONNX operator set (2022): the oldest that torch's exporter writes."""
 IR_VERSION = 8
-"""Of the file format that goes with it."""
+"""Version of the ONNX file format that belongs to OPSET."""
 INPUTS = ("features", "state")
 OUTPUTS = ("velocity", "next_state")
 EXPORTER_MODULES = r"(torch|onnxscript|onnx_ir|copyreg)(\.|$)"
-"""Where the exporter's own warnings come from; those of a user's network come from its file."""
+"""Modules whose warnings are silenced; warnings of a user's network come from its own module."""
 
 
 class _Step(nn.Module):
-    """One step with the scales inside: (features, state) to (velocity, next_state)."""
+    """One step with normalisation: (features, state) to (velocity, next_state)."""
 
     mean: Tensor
     scale: Tensor
@@ -87,13 +87,13 @@ class _Step(nn.Module):
 
 
 def step_model(predictor: Predictor, period: float) -> onnx.ModelProto:
-    """The ONNX model of one step.
+    """Export one step of a predictor as an ONNX model.
 
     Args:
-      period: [s] between samples of the missions that it was trained on.
+      period: [s] sample period of the training.
 
     Raises:
-      InputError: torch cannot export the network, a kind of the user's own.
+      InputError: torch cannot export the network, such as a user's own class.
     """
     preload_triton()  # torch.export imports triton where it is installed
     network = predictor.network
@@ -142,7 +142,7 @@ def step_model(predictor: Predictor, period: float) -> onnx.ModelProto:
 
 @contextmanager
 def _quiet_exporter() -> Iterator[None]:
-    """Silence what torch's exporter says of itself: its deprecations, and torchvision's absence."""
+    """Silence warnings of torch's exporter on its deprecations and on missing torchvision."""
     logger = logging.getLogger("torch.onnx._internal.exporter._registration")
     level = logger.level
     logger.setLevel(logging.ERROR)
@@ -155,7 +155,7 @@ def _quiet_exporter() -> Iterator[None]:
 
 
 def _strip(model: onnx.ModelProto) -> None:
-    """Take out the stack traces of the export: they name folders of the machine that made it."""
+    """Remove stack traces from the model: they name folders of the exporting machine."""
     graph = model.graph
     for part in (*graph.node, *graph.initializer, *graph.input, *graph.output, *graph.value_info):
         part.ClearField("metadata_props")
@@ -166,15 +166,15 @@ def _strip(model: onnx.ModelProto) -> None:
 
 
 class StepModel:
-    """An exported model in onnxruntime, one step at a time, as a vehicle would run it."""
+    """Exported model in onnxruntime, run one step at a time as on board."""
 
     def __init__(self, path: Path) -> None:
         """Open a file that `step_model` made.
 
         Raises:
           InputError: onnxruntime is not installed.
-          StoreError: no such file, not ONNX, other names of inputs and outputs, another layout, or
-            features that this version does not know.
+          StoreError: the file is missing or not ONNX, or has other inputs and outputs, another
+            layout, or features unknown to this version.
         """
         require("onnxruntime", extra="onnx", purpose="running an exported model")
         import onnxruntime
@@ -187,7 +187,7 @@ class StepModel:
             self._session = onnxruntime.InferenceSession(
                 str(path), options, providers=["CPUExecutionProvider"]
             )
-        except Exception as error:  # onnxruntime's own kinds have no common base
+        except Exception as error:  # onnxruntime's exceptions have no common base class
             message = " ".join(str(error).split())
             raise StoreError(f"{path} is not a model that onnxruntime reads: {message}") from error
         found = tuple(i.name for i in self._session.get_inputs())
@@ -211,7 +211,7 @@ class StepModel:
         self._state_size = int(self._session.get_inputs()[1].shape[1])
 
     def run(self, features: Floats) -> Floats:
-        """Velocity [m/s], (time,), for features (time, inputs) in their own units, from rest."""
+        """[m/s] Velocity, (time,), for features (time, inputs) in their units, from zero state."""
         state = np.zeros((1, self._state_size), np.float32)
         velocity = np.empty(len(features), np.float32)
         for k, row in enumerate(np.asarray(features, np.float32)):
@@ -221,11 +221,11 @@ class StepModel:
 
 
 def export_step(predictor: Predictor, path: Path, mission: MissionSequence) -> Parity:
-    """Write a step model and run a whole mission through it.
+    """Write a step model and compare it with the trained network over a whole mission.
 
     Raises:
-      StoreError: it cannot be written, or differs by more than TOLERANCE from the trained network;
-        a file that was there is as it was.
+      StoreError: the file cannot be written, or differs from the trained network by more than
+        TOLERANCE. An earlier file at `path` then stays.
     """
     import time
 

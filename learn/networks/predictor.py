@@ -1,6 +1,6 @@
-"""Predictor: a trained network with its features and scales, from missions to m/s.
+"""Predictor: a trained network with its features and normalisation, from missions to m/s.
 
-Prediction: what the networks of a run say of one mission.
+Also here: ensembles of predictors, and predictions of whole missions.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ Floats = NDArray[np.float32]
 FORMAT = 2
 """Version of the files that `save` writes."""
 UNSEALED = 1
-"""Version without checksums, of releases up to 0.1.0."""
+"""Version of files without checksums, as releases up to 0.1.0 wrote."""
 WEIGHTS = "weights"
 """Entry of the description: size and SHA-256 of the file of weights."""
 PLACE = "class"
-"""Entry of the description: `module:Class` of a kind of network that is not a shipped one."""
+"""Entry of the description: `module:Class` of a network type that is not shipped."""
 
 SIDE_BY_SIDE = 32
-"""Missions predicted at once: keeps the memory of 10 000 s missions near 0.5 GB."""
+"""Largest number of missions predicted together: 10 000 s missions take about 0.5 GB."""
 MOST_SAMPLES = 2**20
-"""Samples predicted at once: fewer of longer missions."""
+"""Largest number of samples predicted together, which limits the number of long missions."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Predictor:
-    """One velocity of one network."""
+    """Network for one velocity, with its normalisation."""
 
     network: Network
     normalisation: Normalisation
@@ -60,14 +60,14 @@ class Predictor:
 
     @property
     def features(self) -> tuple[str, ...]:
-        """Inputs by name."""
+        """Names of the inputs."""
         return self.normalisation.features
 
     def predict(self, missions: Sequence[MissionSequence]) -> list[Floats]:
-        """Free-running velocity [m/s] of each mission, (time,), from launch to end.
+        """[m/s] Predicted velocity of each mission, (time,), in one run from launch to end.
 
         Raises:
-          StoreError: a mission has another period than those of the training.
+          StoreError: a mission's sample period is not the training's.
         """
         for mission in missions:
             self._check_period(mission)
@@ -87,10 +87,9 @@ class Predictor:
             )
 
     def save(self, stem: Path) -> None:
-        """Write `stem`.safetensors (weights) and `stem`.json (everything else, with the weights'
-        SHA-256 and its own).
+        """Write `stem`.safetensors (weights) and `stem`.json (the rest, with the SHA-256 of both).
 
-        The description is written last: where it is, the network is whole.
+        The description is written last: if it exists, the network is complete.
 
         Raises:
           WriteError: the disk refuses.
@@ -113,11 +112,11 @@ class Predictor:
 
 
 def load_predictor(stem: Path) -> Predictor:
-    """Read what `Predictor.save` wrote.
+    """Load a predictor that `Predictor.save` wrote.
 
     Raises:
-      StoreError: a file is missing or damaged, of another format, or does not fit the other.
-      InputError: it names a feature or network that this version does not know.
+      StoreError: a file is missing, damaged or of another format, or the two files do not match.
+      InputError: the description names a feature or network unknown to this version.
     """
     from safetensors import SafetensorError
     from safetensors.torch import load
@@ -171,7 +170,7 @@ def load_predictor(stem: Path) -> Predictor:
         if not all(isinstance(v, float | int) and math.isfinite(v) for v in values):
             raise StoreError(f"{description_path} is damaged: normalisation.{name} is not finite")
     for name in normalisation.features:
-        feature(name)  # raises for one that there is not
+        feature(name)  # raises if the feature is unknown
     if config.inputs != len(normalisation.features):
         raise StoreError(
             f"{description_path} names {len(normalisation.features)} features for a network with "
@@ -198,7 +197,7 @@ def free_run(network: Network, matrices: Sequence[Floats]) -> list[Floats]:
 
 
 def groups_by_length(lengths: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Missions that are predicted at once, the longest first: little padding, bounded memory."""
+    """Group missions of similar length to predict together, the longest first."""
     order = np.argsort(-lengths, kind="stable")
     groups = []
     while len(order):
@@ -210,26 +209,26 @@ def groups_by_length(lengths: NDArray[np.int64]) -> list[NDArray[np.int64]]:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Adapted:
-    """What networks know of one vehicle, beside their weights.
+    """Adaptation of networks to one vehicle, by a second flight filter.
 
-    In steady glides their surge is mixed with that of a second flight filter, by the variances of
-    both: it begins with what earlier dives said of the hull. Elsewhere it is theirs, and they read
-    the filter that they were trained on: with the other one their inputs are none that they know.
+    The second filter starts from constants fitted to earlier dives. In steady glides its surge is
+    mixed with the networks', weighted by both variances; elsewhere the networks' surge is used. The
+    networks read the first filter, as in their training.
     """
 
     start: FlightStart
-    """Of the second filter"""
+    """Start of the second filter"""
     deviation: float
-    """[m/s] of the networks' surge on missions of other vehicles"""
+    """[m/s] Standard deviation of the networks' surge on missions of other vehicles"""
 
     def weight(self, steady: Any, filter_sd: Any) -> Any:
-        """Of the filter's surge, from `adapted_steady` and `adapted_surge_sd` [m/s]."""
+        """Weight of the filter's surge, from `adapted_steady` and `adapted_surge_sd` [m/s]."""
         own = self.deviation**2
         return steady * own / (own + filter_sd**2)
 
     def interval(self, before: float, steady: Any, filter_sd: Any) -> Any:
-        """[m/s] of the surge's interval what adapting leaves: its lasting part is, in steady
-        glides, what is left of it in the mean with the filter's surge."""
+        """[m/s] Half-width of the surge's interval after adaptation: in steady glides, mixing with
+        the filter's surge reduces the lasting error."""
         weight = self.weight(steady, filter_sd)
         lasting = weight * self.deviation**2
         return np.sqrt(np.maximum(before**2 - lasting, weight * filter_sd**2))
@@ -237,19 +236,19 @@ class Adapted:
 
 @dataclasses.dataclass(frozen=True)
 class Ensemble:
-    """Several predictors of the same velocity: their mean, and their spread as an uncertainty."""
+    """Several predictors of one velocity; their standard deviation measures the mean's error."""
 
     members: tuple[Predictor, ...]
     adapted: Adapted | None = None
-    """To a vehicle's first dives"""
+    """Adaptation to a vehicle's first dives"""
     familiar: Familiarity | None = None
-    """Hulls of the training; None: networks that do not read the flight filter"""
+    """Statistics of the training's hulls; None if the networks do not read the flight filter"""
     interval: float = 0.0
-    """[m/s] either way, as `ErrorModel.surge_interval`; 0: not known"""
+    """[m/s] Half-width of the error interval, see `ErrorModel.surge_interval`; 0: unknown"""
     tether: Tether | None = None
-    """Of surge, on a kind of vehicle that the training had none of"""
+    """Bias limit of surge, for a vehicle whose model was not in the training"""
     spread: FlightSpread | None = None
-    """How far hulls may be from their file, for the flight filter that the networks read"""
+    """Prior spread of hulls about the vehicle file, for the flight filter that the networks read"""
 
     def __post_init__(self) -> None:
         if not self.members:
@@ -264,25 +263,25 @@ class Ensemble:
         return self.members[0].target
 
     def predict(self, missions: Sequence[MissionSequence]) -> list[tuple[Floats, Floats]]:
-        """Mean and standard deviation over the members [m/s], each (time,), of each mission.
+        """[m/s] Mean and standard deviation over the members, each (time,), for each mission.
 
-        The deviation of a single member is zero: it says nothing about uncertainty.
+        A single member gives standard deviation zero, which does not mean certainty.
         """
         runs = [member.predict(missions) for member in self.members]
         results = []
         for mission in range(len(missions)):
             stack = np.stack([run[mission] for run in runs])
-            mean = self._steadied(stack.mean(0), missions[mission])
+            mean = self._corrected(stack.mean(0), missions[mission])
             results.append((mean, stack.std(0, ddof=1 if len(stack) > 1 else 0)))
         return results
 
     @property
     def start(self) -> FlightStart | None:
-        """Of the second flight filter in a mission."""
+        """Start of the second flight filter; None without adaptation."""
         return None if self.adapted is None else self.adapted.start
 
-    def _steadied(self, mean: Floats, mission: MissionSequence) -> Floats:
-        """The mean, within reach of the filter, and with the second filter's surge where an adapted
+    def _corrected(self, mean: Floats, mission: MissionSequence) -> Floats:
+        """Apply the bias limit to the mean, and mix in the second filter's surge where an adapted
         vehicle glides steadily."""
         if self.target != "surge":
             return mean
@@ -303,21 +302,21 @@ class Prediction:
     mission: int
     """Row in the store."""
     time: NDArray[np.float64]
-    """[s] since its first sample, (time,)"""
+    """[s] Time since the mission's first sample, (time,)"""
     surge: Floats
-    """[m/s], (time,), mean over the members"""
+    """[m/s] Mean surge over the members, (time,)"""
     sway: Floats
-    """[m/s], (time,)"""
+    """[m/s] Mean sway over the members, (time,)"""
     surge_sd: Floats
-    """[m/s], (time,): spread over the members, zero with a single one"""
+    """[m/s] Standard deviation of surge over the members, (time,); zero with a single member"""
     sway_sd: Floats
-    """[m/s], (time,)"""
+    """[m/s] Standard deviation of sway over the members, (time,); zero with a single member"""
 
 
 def predict_missions(
     networks: Mapping[str, Ensemble], store: str | StorePath, *, split: str, period: float | None
 ) -> list[Prediction]:
-    """Free runs over the missions of a part of a store; a few at a time; errors as `Selection`."""
+    """Predict the missions of a store's split, a few at a time; errors as in `Selection`."""
     channels = [c for e in networks.values() for c in channels_of(e.members[0].features)]
     results = []
     surge = networks["surge"]

@@ -1,4 +1,4 @@
-"""TCN: causal convolutions over time."""
+"""TCN: temporal convolutional network, with causal convolutions over time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from learn.networks.c_step import CStep, read_out, transposed
 
 
 class CausalConvolutions(Network):
-    """State columns: layer by layer the inputs that the next sample still needs, oldest first."""
+    """Causal convolutions. State columns: each layer's past inputs in reach, oldest first."""
 
     summary = "convolutions over time that look back only, with a residual path around each layer"
     sizes = ("hidden", "layers", "kernel", "dilation")

@@ -1,8 +1,8 @@
-"""Model card: what a run's networks are, their training data, how good they are, their limits.
+"""Model card: a run's networks, their training data, their errors and their limits.
 
-Markdown with a YAML head, as model hubs read it.
+The card is Markdown with a YAML head, as model hubs read it.
 
-Origin: which missions or logs a run's networks were trained on, in words.
+`RunOrigin` has the sentences on the missions or logs that the networks were trained on.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from twin.records.attributes import SOURCE_FORMAT, is_logged
 
 
 class RunOrigin:
-    """Sentences that follow from `run.json`, for the model card; nothing is assumed."""
+    """Sentences for the model card, from `run.json` alone."""
 
     def __init__(self, description: Mapping[str, Any]) -> None:
         self._description = description
@@ -33,16 +33,16 @@ class RunOrigin:
 
     @property
     def row(self) -> str:
-        """What a row of the store is."""
+        """Noun for a row of the store: dive or mission."""
         return "dive" if self._logs else "mission"
 
     @property
     def rows(self) -> str:
-        """The same, many."""
+        """Plural of `row`."""
         return f"{self.row}s"
 
     def made_from(self) -> list[str]:
-        """Where the weights come from, the last training first."""
+        """Sentences on the stores and runs behind the weights, the last training first."""
         found = [f"store: {self._settings['store']}, {_kind(self._store)}"]
         found += [
             f"further store: {one['store']}, {_kind(one)} of {one['vehicle']}"
@@ -63,13 +63,13 @@ class RunOrigin:
         return found
 
     def division(self) -> str:
-        """What is trained on and what is not."""
+        """Division into training and validation, in words."""
         if self._settings["division"] == "samples":
             return "by samples (leaks between neighbouring samples)"
         return "by blocks of dives" if self._logs else "by missions"
 
     def units(self) -> str:
-        """What the table's numbers are."""
+        """Sentence on the units and the reference of the table's numbers."""
         if self._logs:
             known = (
                 "against the Doppler log's cleaned velocities, where it had lock"
@@ -87,7 +87,7 @@ class RunOrigin:
         )
 
     def limits(self) -> list[str]:
-        """For what vehicle they are, and how far their truth goes."""
+        """Sentences on the networks' vehicles, and on the truth behind their training."""
         if not self._logs:
             return [
                 "They were trained on simulated missions of the vehicles that the store describes"
@@ -121,7 +121,7 @@ class RunOrigin:
 
 
 def _kind(store: Mapping[str, Any]) -> str:
-    """What a store holds, by its attributes."""
+    """Content of a store in words, from its attributes."""
     if is_logged(store):
         return f"logs of vehicles at sea ({store[SOURCE_FORMAT]})"
     return f"simulated missions{_preset(store)}"
@@ -133,7 +133,7 @@ def _preset(store: Mapping[str, Any]) -> str:
 
 
 TRAINED_ON = ("all", "train")
-"""Splits that hold missions that the networks were trained on."""
+"""Splits with missions that the networks were trained on."""
 SEEN = (
     "The networks were trained on samples of what they are judged on here: on what they never saw "
     "they are worse."
@@ -141,7 +141,7 @@ SEEN = (
 
 
 def model_card(run: Run, evaluation: Mapping[str, Any], split: str) -> str:
-    """The card's text."""
+    """Text of the model card."""
     settings = run.description["settings"]
     network, training = settings["network"], settings["training"]
     origin = RunOrigin(run.description)
@@ -203,13 +203,13 @@ def model_card(run: Run, evaluation: Mapping[str, Any], split: str) -> str:
 
 
 def shown(text: object) -> str:
-    """A text of a store or a run as Markdown that shows it: no markup, no HTML, one line."""
+    """Escape a text for Markdown, as one line without markup and HTML."""
     escaped = html.escape(printable(one_line(str(text))), quote=False)
     return re.sub(r"([\\`*_\[\]|])", r"\\\1", escaped)
 
 
 def _sizes(network: Mapping[str, Any]) -> str:
-    """The sizes that its kind uses."""
+    """Sizes that the type of network uses, in words."""
     return ", ".join(f"{size} {network[size]}" for size in NETWORKS[network["kind"]].sizes)
 
 

@@ -1,7 +1,6 @@
-"""Contents: everything that a page is made of.
+"""Contents: the data of a report's page, and the names and colours of methods in it.
 
-Names and colours of the methods, the same in every table and figure.
-Shown missions: the few missions of an evaluation that a report draws.
+`Shown` is a mission that a report draws; `Showcase` selects such missions.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from twin.navigation.estimators.base import Estimate, baselines
 from twin.show.style import ESTIMATE, GUIDE, PALETTE, TRUTH
 
 TITLES = {"network": "networks", "floor": "floor: true velocities"}
-"""What people read, of methods that are not baselines."""
+"""Titles of the methods that are not baselines."""
 COLOURS = {"truth": TRUTH, "network": ESTIMATE, "floor": GUIDE}
 
 KNOWLEDGE_TITLES = {
@@ -31,13 +30,13 @@ KNOWLEDGE_TITLES = {
 
 
 def title_of(method: str) -> str:
-    """The method in words; of a baseline that is not registered, its name."""
+    """Title of a method; for an unregistered baseline, its name."""
     kind = baselines().get(method)
     return (kind and kind.title) or TITLES.get(method, method.replace("_", " "))
 
 
 def colour_of(method: str) -> str:
-    """Its colour."""
+    """Colour of a method in figures."""
     kind = baselines().get(method)
     return PALETTE[kind.colour] if kind and kind.colour else COLOURS.get(method, GUIDE)
 
@@ -47,42 +46,42 @@ DRAWN_MISSIONS = 3
 
 @dataclasses.dataclass(frozen=True)
 class Shown:
-    """One mission with every method's estimate of it."""
+    """Mission with the estimates of all methods, for figures."""
 
     reference: ReferenceVelocity
     estimates: Mapping[str, Estimate]
 
     @property
     def time(self) -> Array:
-        """[s] since the start, (time,)"""
+        """[s] Time since the start, (time,)"""
         return sample_times(self.reference.mission.samples, self.reference.mission.period)
 
     @property
     def label(self) -> str:
-        """The mission and the mean speed of its current."""
+        """Label of the mission, with the mean speed of its current."""
         return f"mission {self.reference.mission.index}, {self.current_label}"
 
     @property
     def current_label(self) -> str:
-        """Mean speed of the current where the vehicle was."""
+        """Label of the mean current speed [m/s] at the vehicle."""
         signals = self.reference.mission.signals
         north, east = (float(signals[f"true_current_{n}"].mean()) for n in ("north", "east"))
         return f"current {math.hypot(north, east):.2f} m/s"
 
     def water_track(self, method: str) -> Array | None:
-        """Track through the water [m], (time, 2), of a method that has one."""
+        """[m] Track through the water, (time, 2), of a method; None if the method has none."""
         return self.reference.tracks(self.estimates[method]).get("water")
 
 
 class Showcase:
-    """Keeps the missions with the longest paths; give its `add` as the evaluation's watch."""
+    """Keep the missions with the longest paths; pass `add` to `evaluate` as a watch."""
 
     def __init__(self, most: int = DRAWN_MISSIONS) -> None:
         self._most = most
         self._kept: list[Shown] = []
 
     def add(self, reference: ReferenceVelocity, estimates: Mapping[str, Estimate]) -> None:
-        """See the mission; it is kept while it is among the longest."""
+        """Add a mission, and drop the one with the shortest path if there are too many."""
         self._kept.append(Shown(reference, dict(estimates)))
         if len(self._kept) > self._most:
             shortest = min(self._kept, key=lambda shown: shown.reference.path[-1])
@@ -90,24 +89,24 @@ class Showcase:
 
     @property
     def missions(self) -> tuple[Shown, ...]:
-        """Those kept, in the store's order."""
+        """Kept missions in the store's order."""
         return tuple(sorted(self._kept, key=lambda shown: shown.reference.mission.index))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RunEvaluation:
-    """A run on the missions of a store: `figures` is what `learn evaluate --json` prints."""
+    """Evaluation of a run on a store, with its figures and the missions to draw."""
 
     evaluation: Evaluation
     figures: Mapping[str, Any]
-    """By the names of `learn evaluate`: errors of the networks, the floor and each baseline."""
+    """Errors of the networks, the floor and each baseline, as `learn evaluate --json` prints."""
     shown: tuple[Shown, ...]
-    """Missions that a page draws; none of a store of logs, whose true tracks nobody knows."""
+    """Missions that a page draws; empty for logs, whose true tracks are unknown."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Study:
-    """A table of a page with what it says."""
+    """Table of a page, with its caption and result."""
 
     title: str
     rows: Sequence[Mapping[str, object]]
@@ -118,24 +117,24 @@ class Study:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Contents:
-    """Everything that a page is made of; what is missing is left out."""
+    """Data of a report's page; sections without data are left out."""
 
     title: str
     lead: str
     test: RunEvaluation
     paper_test: RunEvaluation | None = None
-    """The paper's three missions."""
+    """Evaluation on the paper's three missions."""
     labels: Sequence[str] = ()
-    """What was learned, in sentences, where it was not the truth."""
+    """Sentences on a Doppler log's labels; empty if the networks learned from the truth."""
     error_model: ErrorModel | None = None
     metrics: Sequence[Mapping[str, Any]] = ()
     training: MissionSequence | None = None
     studies: Sequence[Study] = ()
-    """Tables of its own, such as one of each store."""
+    """Further tables, such as one with a row per store."""
     provenance: Mapping[str, object] = dataclasses.field(default_factory=dict)
     command: str = ""
 
     @property
     def tracks(self) -> tuple[Shown, ...]:
-        """Missions whose tracks are drawn: the paper's where they were flown."""
+        """Missions whose tracks are drawn: the paper's test, or else the longest test missions."""
         return (self.paper_test or self.test).shown

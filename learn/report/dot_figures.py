@@ -1,4 +1,4 @@
-"""Dot figures: errors of every mission or dive by method, each a dot, the median a bar."""
+"""Dot figures: errors by method, with a dot for each mission or dive and a bar for the median."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from twin.navigation.dead_reckoning import KNOWLEDGE, Array
 from twin.show import style
 
 FEW_DECADES = 2.0
-"""Below, a logarithmic axis has 2 and 5 written beside the powers of ten."""
+"""Number of decades below which a logarithmic axis has labels at 2 and 5 times powers of ten."""
 MOST_TICKS = 6
 MOST_MINOR_TICKS = 60
 LEAST_PERCENT = 1e-4
-"""Left end of logarithmic axes: a metre in a thousand kilometres."""
+"""[%] Smallest error on logarithmic axes: a metre in a thousand kilometres."""
 GOLDEN = 0.6180339887
 """Fractional part of the golden ratio, whose multiples spread evenly."""
 LABEL_SIZE = 8.0
-"""[pt]"""
+"""[pt] Font size of a figure's common axis label."""
 
 
 def distribution_figure(evaluation: Evaluation) -> Figure:
-    """Dead-reckoning error through the water over missions, each a dot, on a logarithmic axis."""
+    """Draw dead-reckoning errors through the water, a dot per mission, on a logarithmic axis."""
     rows = [
         (name, [s.tracks["water"].percent for s in method.scores if "water" in s.tracks])
         for name, method in evaluation.methods.items()
@@ -54,12 +54,11 @@ def distribution_figure(evaluation: Evaluation) -> Figure:
 
 
 def dive_figure(evaluation: Evaluation) -> Figure | None:
-    """Error over ground at the end of a dive, by what is known of the current; None without dives.
+    """Draw errors over ground at the end of dives, a panel per current; None without dives.
 
-    Panels without any value are left out: between the fixes of a log nothing is known, so that a
-    track that is corrected afterwards has no error.
-
-    Corrected afterwards the end is pinned to the fix, so there it is the largest error on the way.
+    Panels without any value are left out. A track corrected afterwards ends at the fix, so its
+    panel has the largest error along the dive. Logs have no such panel: the truth between fixes is
+    unknown.
     """
     kept: dict[str, dict[str, Array]] = {}
     for name, method in evaluation.methods.items():
@@ -90,7 +89,7 @@ def dive_figure(evaluation: Evaluation) -> Figure | None:
 
 
 def explain(figure: Figure, dots: str, notes: Sequence[str]) -> None:
-    """What dots and bars are, and what is missing, above the axes."""
+    """Draw a legend of dots and bars above the axes, with notes on missing methods."""
     dot = Line2D([], [], marker="o", ms=3.2, ls="none", color=style.GUIDE, label=dots)
     bar = Line2D([], [], marker="|", ms=9, mew=2.2, ls="none", color=style.GUIDE, label="median")
     blank = [Line2D([], [], ls="none", label=note) for note in notes]
@@ -98,7 +97,7 @@ def explain(figure: Figure, dots: str, notes: Sequence[str]) -> None:
 
 
 def dots(axes: Axes, row: int, values: Array, colour: str) -> None:
-    """Each value a dot, the median a bar; jittered by rank so that equal ones stay visible."""
+    """Draw a dot per value and a bar at the median; vertical jitter keeps equal values visible."""
     values = np.maximum(values[np.isfinite(values)], LEAST_PERCENT)
     jitter = 0.22 * (np.mod(np.arange(len(values)) * GOLDEN, 1.0) - 0.5)
     axes.plot(values, row + jitter, "o", ms=3.2, color=colour, alpha=0.55, mew=0)
@@ -107,7 +106,7 @@ def dots(axes: Axes, row: int, values: Array, colour: str) -> None:
 
 
 def plain_decades(axes: Axes) -> None:
-    """A logarithmic x axis whose few numbers are written out: 2, 5, 10, 20."""
+    """Make the x axis logarithmic, with a few labels written as plain numbers: 2, 5, 10, 20."""
     axes.set_xscale("log")
     low, high = axes.get_xlim()
     decades = np.log10(high / low)

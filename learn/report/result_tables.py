@@ -1,6 +1,6 @@
-"""Tables: figures of an evaluation as rows for a terminal or a page.
+"""Result tables: figures of an evaluation as rows and sentences, for a terminal or a page.
 
-They read the JSON object of `learn evaluate`, so that a run's tables can be made without its store.
+The functions read the JSON object of `learn evaluate`, so they do not need the run's store.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ Figures = Mapping[str, Any]
 Row = dict[str, object]
 
 PAPER = {"surge_mse": 2.12e-4, "sway_mse": 4.59e-6}
-"""[(m/s)^2] of the paper's glider networks (its table II); of which samples is not said."""
+"""[(m/s)^2] Errors of the paper's glider networks (its table II); their samples are not stated."""
 PAPER_PROPELLED = {"surge_mse": 3.47e-2, "sway_mse": 5.88e-3}
-"""[(m/s)^2] of the paper's networks for Tethys (its first study), against a Doppler log."""
+"""[(m/s)^2] Errors of the paper's networks for Tethys (its first study), against a Doppler log."""
 STILL_PERCENT = 1e-6
-"""[% of the path] by which the truth through the water may miss the one over ground where the water
-stands still."""
+"""[% of the path] Largest difference between the true tracks through the water and over ground in
+still water."""
 
 
 def methods_of(evaluation: Figures) -> Iterator[tuple[str, Figures]]:
-    """The network, the floor and each baseline that has any figure."""
+    """Names and figures of the networks, the floor and each baseline with any figure."""
     yield "network", evaluation
     yield "floor", evaluation["floor"]
     for name, figures in evaluation["baselines"].items():
@@ -40,7 +40,7 @@ def methods_of(evaluation: Figures) -> Iterator[tuple[str, Figures]]:
 
 
 def velocity_rows(evaluation: Figures) -> list[Row]:
-    """Mean squared errors of surge and sway of each method."""
+    """Rows of mean squared errors of surge and sway, one per method."""
     rows = []
     for name, figures in methods_of(evaluation):
         if figures["surge_mse"] is None or name == "floor":
@@ -58,7 +58,7 @@ def velocity_rows(evaluation: Figures) -> list[Row]:
 
 
 def printed_row(paper: Mapping[str, float]) -> Row:
-    """What the paper prints, `PAPER` or `PAPER_PROPELLED`, as a row of `velocity_rows`."""
+    """Row of `velocity_rows` with the paper's errors, `PAPER` or `PAPER_PROPELLED`."""
     return {
         "method": "the paper's networks, as printed",
         "surge MSE [(m/s)²]": paper["surge_mse"],
@@ -67,7 +67,7 @@ def printed_row(paper: Mapping[str, float]) -> Row:
 
 
 def paper_sentence(paper_test: Figures) -> str:
-    """The networks on the paper's test, beside what the paper prints of its own."""
+    """Sentence that compares the networks on the paper's test with the paper's own."""
     ours, theirs = (
         f"surge {found['surge_mse']:.1e}, sway {found['sway_mse']:.1e}"
         for found in (paper_test, PAPER)
@@ -76,7 +76,7 @@ def paper_sentence(paper_test: Figures) -> str:
 
 
 def track_rows(evaluation: Figures, track: str) -> list[Row]:
-    """Dead-reckoning errors of each method: `water`, `velocity` or `ground`."""
+    """Rows of dead-reckoning errors, one per method; `track` is water, velocity or ground."""
     rows = []
     for name, figures in methods_of(evaluation):
         if figures[f"dr_{track}_percent_mean"] is None:
@@ -96,8 +96,8 @@ def track_rows(evaluation: Figures, track: str) -> list[Row]:
 
 
 def doppler_rows(evaluation: Figures) -> list[Row]:
-    """Networks and DVL-aided dead reckoning over ground, each against the truth, and one against
-    the other; empty without a Doppler log."""
+    """Rows that compare networks, DVL-aided dead reckoning and truth pairwise, over ground; empty
+    without a Doppler log."""
     if "against_dvl" not in evaluation:
         return []
     compared = {
@@ -119,7 +119,7 @@ def doppler_rows(evaluation: Figures) -> list[Row]:
 
 
 def without_track(evaluation: Figures, track: str) -> str:
-    """Sentences on the methods that `track_rows` leaves out; empty when there are none."""
+    """Sentences on the methods that `track_rows` leaves out; empty if there are none."""
     known = baselines()
     return " ".join(
         known[name].without_water
@@ -131,7 +131,7 @@ def without_track(evaluation: Figures, track: str) -> str:
 
 
 def dive_rows(evaluation: Figures) -> list[Row]:
-    """Errors over ground between GPS fixes, by what is known of the current."""
+    """Rows of errors over ground between GPS fixes, with columns for each kind of current."""
     rows = []
     for name, figures in methods_of(evaluation):
         row: Row = {"method": title_of(name)}
@@ -145,7 +145,7 @@ def dive_rows(evaluation: Figures) -> list[Row]:
 
 
 def summary_rows(evaluation: Figures) -> list[Row]:
-    """One line per method: what `learn evaluate` prints."""
+    """Rows that `learn evaluate` prints, one per method."""
     return [
         {
             "method": title_of(name),
@@ -163,7 +163,7 @@ def summary_rows(evaluation: Figures) -> list[Row]:
 
 
 def comparison_rows(evaluations: Mapping[str, Figures]) -> list[Row]:
-    """Runs side by side, then the baselines of the first."""
+    """Rows of several runs, followed by the first run's baselines."""
     rows: list[Row] = []
     for name, evaluation in evaluations.items():
         rows.append({"run or baseline": name} | summary_rows(evaluation)[0])
@@ -176,7 +176,7 @@ JUDGED = {
     "dr_water_percent_mean": "through the water",
     "dr_velocity_percent_mean": "through the water with the true attitude",
 }
-"""Figures in which networks and baselines are set against each other, in words."""
+"""Figures in which sentences compare networks with baselines, with their words."""
 COLUMNS = {
     "surge_mse": "surge MSE",
     "sway_mse": "sway MSE",
@@ -187,15 +187,15 @@ COLUMNS = {
     "dr_ground_percent_mean": "over ground, mean",
     "dr_ground_percent_p90": "over ground, p90",
 }
-"""The columns of `summary_rows` in which a baseline can be better."""
+"""Columns of `summary_rows` in which a baseline can be better, with their words."""
 MOSTLY = 0.5
-"""Share of missions outside of the training, from which a run is not the vehicle's"""
+"""[1] Fraction of missions outside the training above which a sentence advises `learn adapt`"""
 LEAST_COMPARED = 10
-"""Missions or dives from which on a sentence says who is better: the median of a few is luck."""
+"""Smallest number of missions or dives to name a better method: a median of fewer is chance."""
 
 
 def verdicts(evaluation: Figures) -> list[str]:
-    """Sentences: where the networks are better than the baselines, and where they are not."""
+    """Sentences on where the networks are better than the baselines, and where not."""
     sentences = []
     for key, words in JUDGED.items():
         mine = evaluation[key]
@@ -240,7 +240,7 @@ def verdicts(evaluation: Figures) -> list[str]:
 
 
 def _ground_verdicts(evaluation: Figures) -> list[str]:
-    """What is known over ground without fixes, and what cannot be."""
+    """Sentences on errors over ground without fixes."""
     floor = evaluation["floor"]
     mine, best = (f["dr_ground_percent_mean"] for f in (evaluation, floor))
     if mine is None or best is None:
@@ -268,7 +268,7 @@ def _ground_verdicts(evaluation: Figures) -> list[str]:
 
 
 def _columns_lost(evaluation: Figures) -> list[str]:
-    """Columns that no other sentence speaks of in which a baseline is better, with the best one."""
+    """Columns with a better baseline that no other sentence covers, with the best baseline."""
     said = JUDGED if evaluation["missions"] >= LEAST_COMPARED else {}
     paths: dict[tuple[str, ...], str] = {
         (key,): words for key, words in COLUMNS.items() if key not in said
@@ -295,7 +295,7 @@ def _columns_lost(evaluation: Figures) -> list[str]:
 
 
 def _figure(figures: Figures, path: Sequence[str]) -> float | None:
-    """A figure by its keys; None where it is not known."""
+    """Figure at a path of keys; None if unknown."""
     found: Any = figures
     for key in path:
         found = None if found is None else found.get(key)
@@ -303,7 +303,7 @@ def _figure(figures: Figures, path: Sequence[str]) -> float | None:
 
 
 def _dive_verdict(evaluation: Figures, knowledge: str) -> str:
-    """Networks and baselines between fixes; without a comparison where dives are few."""
+    """Sentence on networks and baselines between fixes, without a comparison for few dives."""
     key = "dr_max_percent_median" if knowledge == "corrected" else "dr_percent_median"
     mine = evaluation["dives"][knowledge][key]
     if mine is None:
@@ -330,7 +330,7 @@ def _list(words: Sequence[str]) -> str:
 
 
 def tell_report(console: Console, run: Run) -> None:
-    """Answer with the figures of a run that is judged, and say where its page is."""
+    """Print the figures of an evaluated run and the path of its page."""
     figures, paper = run.figures, run.paper_figures
     assert figures is not None
     console.answer(

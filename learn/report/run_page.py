@@ -1,6 +1,6 @@
-"""Report: the page of a run, or of an evaluation on another store, with its figures.
+"""Run page: the HTML page of a run, or of its evaluation on another store, with figures.
 
-Of real logs the true tracks are unknown: their page has what is judged between fixes.
+The page on real logs has the errors at fixes only, since the true tracks are unknown.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ STEADY_ERRORS = (
     "ground its speed is their slope."
 )
 Drawn = tuple[Figure, str]
-"""A figure and its caption, in whole sentences"""
+"""Figure and its caption in whole sentences"""
 
 
 def _velocities_drawn(contents: Contents) -> Drawn | None:
@@ -69,7 +69,7 @@ def _velocities_drawn(contents: Contents) -> Drawn | None:
 
 
 def _by_doppler(draw: Callable[[Shown], Drawn]) -> Callable[[Contents], Drawn | None]:
-    """Draw the longest mission in which a Doppler log mostly saw the bottom, if there is one."""
+    """Figure of the longest mission in which a Doppler log mostly had bottom lock; None without."""
 
     def drawn(contents: Contents) -> Drawn | None:
         shown = with_bottom_lock(contents.test.shown)
@@ -154,13 +154,13 @@ def _learning(contents: Contents) -> Drawn | None:
 
 @dataclasses.dataclass(frozen=True)
 class ReportFigure:
-    """A figure of the page, which may have nothing to show."""
+    """Figure of the page; `draw` returns None if there is nothing to show."""
 
     section: str
-    """Place on the page"""
+    """Section of the page"""
     draw: Callable[[Contents], Drawn | None]
     beside: bool = False
-    """Whether it stands beside the next one that is so, where the window is wide enough"""
+    """True: in a wide window, the figure shares a row with the next figure that has True"""
 
 
 FIGURES: Mapping[str, ReportFigure] = {
@@ -187,7 +187,7 @@ FIGURES: Mapping[str, ReportFigure] = {
 
 
 def _draw(page: Page, contents: Contents, section: str, heading: str = "") -> None:
-    """Draw the figures of a section that have something to show, below a heading."""
+    """Draw the figures of a section below a heading; without any figure, there is no heading."""
     drawn = []
     for name, kind in FIGURES.items():
         if kind.section == section and (found := kind.draw(contents)) is not None:
@@ -237,7 +237,7 @@ def _studies(page: Page, studies: Sequence[Study], before: str = "") -> None:
 
 
 def _signed(page: Page, provenance: Mapping[str, object], command: str) -> Path:
-    """The page with what it was made from and with, written."""
+    """Add provenance and command to the page, and write the page."""
     if provenance:
         page.section("Where this comes from")
         page.facts(provenance)
@@ -342,7 +342,7 @@ def build_log_page(
     """Write `index.html` and its figures as PNG into `folder`; returns the page's path.
 
     Args:
-      studies: of the run, such as leave one out.
+      studies: further tables of the run, such as leave-one-out results.
     """
     found = test.figures
     page = Page(

@@ -1,4 +1,4 @@
-"""Track figures: dead-reckoned tracks from above and in space, and how far they are off."""
+"""Track figures: dead-reckoned tracks from above and in space, and their position errors."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from twin.show import style
 from twin.show.figures.track import LEGEND, space_axes
 
 DASHES = ((0, (6, 2)), (0, (1, 1.4)), (0, (6, 2, 1, 2)), (0, (3, 1.5)))
-"""Of methods in their order: each tells itself from the others without its colour"""
+"""Line styles of methods in their order, distinct without colour"""
 TRUTH_LINE: dict[str, Any] = {"color": style.TRUTH, "lw": 4.0, "alpha": 0.35, "label": "truth"}
-"""Wide and pale, so that what lies on it is seen"""
+"""Line of the truth, wide and pale so that lines above it stay visible"""
 MARKS = {"start": (0, "o"), "end": (-1, "s")}
 BESIDE_DVL = (NETWORK, DVL)
 LEAST_BOTTOM_SHARE = 0.5
-"""Of the samples of a mission that is drawn beside a Doppler log's track over ground"""
+"""[1] Smallest fraction of samples with bottom lock for a figure with the Doppler log's track"""
 LEAST_DISTANCE_M = 0.01
-"""Lower end of logarithmic distances: a centimetre"""
+"""[m] Lower end of logarithmic axes of distance"""
 LEAST_ERROR_M = 0.05
-"""Span of an error axis that hardly varies: centimetres are noise to a navigator."""
+"""[m] Smallest span of an error axis: centimetres are noise to a navigator."""
 MARGIN = 0.12
-"""Of the range, above and below the lines together"""
+"""[1] Margin above and below the lines together, relative to their range"""
 MISSION_DASHES = ((0, ()), (0, (7, 4)), (0, (1.5, 3)))
-"""Of missions: gaps leave what lies below visible"""
+"""Line styles of missions, with gaps that show the lines below"""
 MISSION_COLOURS = (style.TRUTH, style.PALETTE["orange"], style.PALETTE["black"])
 PAIRS: tuple[tuple[str, str, str, dict[str, Any]], ...] = (
     (NETWORK, "truth", "networks − truth", {"color": colour_of(NETWORK), "lw": 1.6}),
@@ -43,18 +43,18 @@ PAIRS: tuple[tuple[str, str, str, dict[str, Any]], ...] = (
     ),
     (DVL, "truth", "DVL-aided − truth", {"color": colour_of(DVL), "lw": 1.1, "ls": (0, (1, 1.4))}),
 )  # fmt: skip
-"""Which track is compared with which, in words, and its line"""
+"""Pairs of tracks to compare, with label and line"""
 LEAST_SHARE = 0.02
-"""Of the whole path: a share of the distance so far means nothing before that"""
+"""[1] Fraction of the whole path after which errors are drawn in % of the path so far"""
 
 
 def drawn_methods() -> tuple[str, ...]:
-    """Those whose tracks are drawn; more would hide each other."""
+    """Names of the methods whose tracks are drawn; more would hide each other."""
     return (NETWORK, *(name for name, kind in baselines().items() if kind.drawn))
 
 
 def water_lines(shown: Shown, methods: Sequence[str]) -> dict[str, Array]:
-    """Tracks through the water [m], (time, 2), of the truth and of methods that have one."""
+    """[m] Tracks through the water, (time, 2), of the truth and of methods that have one."""
     lines = {"truth": shown.reference.water_track}
     for name in methods:
         track = shown.water_track(name) if name in shown.estimates else None
@@ -64,7 +64,7 @@ def water_lines(shown: Shown, methods: Sequence[str]) -> dict[str, Array]:
 
 
 def ground_lines(shown: Shown, methods: Sequence[str]) -> dict[str, Array]:
-    """Tracks over ground [m], (time, 2), of the truth and of methods that have one."""
+    """[m] Tracks over ground, (time, 2), of the truth and of methods that have one."""
     lines = {"truth": shown.reference.ground_track}
     for name in methods:
         track = shown.reference.tracks(shown.estimates[name]).get("ground")
@@ -74,7 +74,7 @@ def ground_lines(shown: Shown, methods: Sequence[str]) -> dict[str, Array]:
 
 
 def with_bottom_lock(missions: Sequence[Shown]) -> Shown | None:
-    """The longest of the missions in which a Doppler log saw the bottom most of the time."""
+    """Longest mission with bottom lock in at least LEAST_BOTTOM_SHARE of the samples, or None."""
     seen = [
         shown
         for shown in missions
@@ -86,7 +86,7 @@ def with_bottom_lock(missions: Sequence[Shown]) -> Shown | None:
 
 
 def look(name: str, place: int) -> dict[str, Any]:
-    """Line of a method, `place` in the order of those drawn; the truth is the first."""
+    """Line style of a method at index `place` of the drawn lines; index 0 is the truth."""
     if name == "truth":
         return TRUTH_LINE
     dashes = DASHES[(place - 1) % len(DASHES)]
@@ -94,11 +94,11 @@ def look(name: str, place: int) -> dict[str, Any]:
 
 
 def track_figure(shown: Shown, methods: Sequence[str], lines: dict[str, Array]) -> Figure:
-    """North-east tracks from above, and how far each method is from the truth.
+    """Draw tracks from above, and the distance of each method from the truth.
 
     Args:
-      methods: those that could be drawn; a legend says which of them has no track.
-      lines: tracks [m], (time, 2), of the truth and of methods.
+      methods: methods to draw; the legend names those without a track.
+      lines: [m] tracks, (time, 2), of the truth and of methods.
     """
     with style.styled():
         figure = style.new_figure(style.COLUMN_WIDTH * 1.25, 5.2)
@@ -119,7 +119,7 @@ def track_figure(shown: Shown, methods: Sequence[str], lines: dict[str, Array]) 
 
 
 def _distances(axes: Axes, shown: Shown, lines: dict[str, Array]) -> None:
-    """Distance of each method from the truth over time, on a logarithmic axis."""
+    """Draw each method's distance from the truth over time, on a logarithmic axis."""
     seconds, unit = style.time_unit(shown.time)
     for place, (name, line) in enumerate(lines.items()):
         if name == "truth":
@@ -143,7 +143,7 @@ def _legend(figure: Figure, axes: Axes, methods: Sequence[str], lines: dict[str,
 
 
 def _ends(axes: Axes, track: Array, name: str) -> None:
-    """Start and end of the truth, the end of a method in its colour."""
+    """Mark start and end of the truth, or the end of a method in its colour."""
     for label, (index, marker) in MARKS.items():
         if name != "truth" and label == "start":
             continue
@@ -156,10 +156,10 @@ def _ends(axes: Axes, track: Array, name: str) -> None:
 
 
 def track_3d_figure(shown: Shown, lines: dict[str, Array]) -> Figure:
-    """Tracks in space, depth down, and the truth on the floor; its own vertical scale.
+    """Draw tracks in space and the truth's projection below, with another scale for depth.
 
     Args:
-      lines: tracks [m], (time, 2), of the truth and of methods.
+      lines: [m] tracks, (time, 2), of the truth and of methods.
     """
     with style.styled():
         figure = style.new_figure(style.COLUMN_WIDTH * 1.25, 3.5)
@@ -181,10 +181,10 @@ def track_3d_figure(shown: Shown, lines: dict[str, Array]) -> Figure:
 
 
 def error_figure(missions: Sequence[Shown]) -> Figure:
-    """North and east error of the networks' track against time, one line per mission.
+    """Draw north and east error of the networks' track over time, one line per mission.
 
-    The paper's figure for its three currents, through the water (above) and over ground with
-    nothing known of the current (below); no fixes. Both panels of a row have one scale.
+    This is the paper's figure for its three currents: through the water (above) and over ground
+    without knowledge of the current or fixes (below). Both panels of a row have one scale.
     """
     with style.styled():
         figure = style.new_figure(style.PAGE_WIDTH, 4.6)
@@ -225,7 +225,7 @@ def error_figure(missions: Sequence[Shown]) -> Figure:
 
 
 def doppler_error_figure(shown: Shown) -> Figure:
-    """North and east error over time, and the horizontal error in % of the path so far."""
+    """Draw north and east error over time, and the horizontal error in % of the path so far."""
     lines = ground_lines(shown, (NETWORK, DVL))
     path = shown.reference.path
     travelled = path >= LEAST_SHARE * path[-1]

@@ -1,4 +1,4 @@
-"""Velocity figures: surge and sway predicted, learned and validated, and what is stated of them."""
+"""Velocity figures: predicted surge and sway, their stated errors, training data and progress."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from twin.show import style
 
 MILLIMETRES_PER_METRE = 1e3
 SHOWN_PERCENT = 99.5
-"""Of the errors after the launch that the axes cover"""
+"""[%] Percentile of the errors after the launch that the axes cover"""
 TRAINING_PANELS = (
     ("true_surge", "surge [m/s]"),
     ("true_sway", "sway [m/s]"),
@@ -34,16 +34,16 @@ TRAINING_PANELS = (
 """Channel and label of each panel of the training-data figure."""
 MILLIMETRES = {"measured_shift": 1e3}
 LABELS = {"true_surge": "label_surge", "true_sway": "label_sway"}
-"""What was learned in place of a truth, among the signals where it was not the truth itself."""
+"""Signals with the labels that were learned instead of the truth, by the true channel."""
 LABEL_LINE: dict[str, Any] = {"color": style.PALETTE["orange"], "lw": 0.9}
 TRUE_LINE: dict[str, Any] = {"color": style.TRUTH, "lw": 3.0, "alpha": 0.35}
-"""Of a truth that was not learned: wide and pale, below the labels"""
+"""Line of a truth that was not learned: wide and pale, below the labels"""
 
 
 def velocity_figure(shown: Shown) -> Figure:
-    """Predicted against true surge and sway over a mission, with the errors below.
+    """Draw predicted and true surge and sway over a mission, with the errors below.
 
-    The errors' axes cover what comes after the launch from rest, whose spike would hide the rest.
+    The errors' axes fit the time after the launch from rest, whose spike would hide the rest.
     """
     with style.styled():
         figure = style.new_figure(style.PAGE_WIDTH, 4.2)
@@ -57,7 +57,7 @@ def velocity_figure(shown: Shown) -> Figure:
             time, true, guess = style.thin(shown.time / seconds, truth, predicted)
             top, bottom = axes[:, column]
             top.plot(time, guess, color=style.ESTIMATE, lw=1.8, label="predicted")
-            # above the other one, and thin: where both agree both are seen
+            # thin and on top, so that both lines are visible where they agree
             top.plot(time, true, color=style.TRUTH, lw=0.8, label="true", zorder=3)
             spread = getattr(estimate, f"{name}_sd")
             if spread is not None:
@@ -85,11 +85,11 @@ def velocity_figure(shown: Shown) -> Figure:
 
 
 def after_launch(error: Array, time: Array) -> float:
-    """Half range of an axis about zero that shows the errors after the launch, spikes left out.
+    """Half-range of an axis about zero for the errors after the launch, without spikes.
 
     Args:
-      error: (time,), any unit.
-      time: [s], (time,).
+      error: errors in any unit, (time,).
+      time: [s] time since the start, (time,).
     """
     late = np.abs(error[time > LAUNCH_S])
     late = late[np.isfinite(late)]
@@ -98,10 +98,10 @@ def after_launch(error: Array, time: Array) -> float:
 
 
 def uncertainty_figure(shown: Shown, deviation: Array) -> Figure:
-    """Horizontal error through the water against two standard deviations as predicted.
+    """Draw the horizontal error through the water and two predicted standard deviations.
 
     Args:
-      deviation: standard deviation [m] of the horizontal position, (time,).
+      deviation: [m] standard deviation of the horizontal position, (time,).
     """
     track = shown.water_track(NETWORK)
     assert track is not None
@@ -133,7 +133,7 @@ def uncertainty_figure(shown: Shown, deviation: Array) -> Figure:
 
 
 def training_figure(mission: MissionSequence) -> Figure:
-    """A training mission: the velocities to learn and the main measured signals."""
+    """Draw the velocities to learn and the main measured signals of a training mission."""
     panels = [(name, label) for name, label in TRAINING_PANELS if name in mission.signals]
     with style.styled():
         figure = style.new_figure(style.PAGE_WIDTH, 0.95 * -(-len(panels) // 2) + 0.4)
@@ -163,7 +163,7 @@ def training_figure(mission: MissionSequence) -> Figure:
 
 
 def learning_figure(metrics: Sequence[Mapping[str, Any]]) -> Figure:
-    """Validation error against time of each network."""
+    """Draw each network's validation error over the time in training."""
     with style.styled():
         figure = style.new_figure(style.COLUMN_WIDTH * 1.25, 2.6)
         axes = figure.add_subplot()

@@ -1,4 +1,4 @@
-"""Training: networks fitted to missions, side by side."""
+"""Training: fit a run's networks to missions, several at a time."""
 
 from typing import TYPE_CHECKING
 

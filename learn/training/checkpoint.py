@@ -1,4 +1,4 @@
-"""Checkpoint: how far the training of a network is, in a file that a kill cannot damage."""
+"""Checkpoint: the state of a network's training, in a file that a kill cannot damage."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from twin.errors import StoreError
 from twin.records.storage.whole import whole_file
 
 NEEDED = {"identity", "history", "best", "best_state", "bad"}
-"""What every checkpoint has."""
+"""Entries of every checkpoint."""
 
 
 def write_checkpoint(path: Path, state: dict[str, Any]) -> None:
-    """Write tensors and plain values, NEEDED among them."""
-    saved = io.BytesIO()  # torch's own errors of files are not those of the system
+    """Write a checkpoint of tensors and plain values, with the entries NEEDED."""
+    saved = io.BytesIO()  # writing the file here raises OSError, which torch.save hides
     torch.save(state, saved)
-    # a kill while writing must not cost the previous checkpoint
+    # a kill while writing leaves the previous checkpoint
     with whole_file(path) as place:
         place.write_bytes(saved.getbuffer())
 
 
 def _check_records(checkpoint: Path) -> None:
-    """Compare the records of a checkpoint with their CRC-32, which torch does not do.
+    """Check the CRC-32 of a checkpoint's records, which torch does not.
 
     Raises:
-      StoreError: one of them is damaged.
+      StoreError: a record is damaged.
     """
     try:
         with zipfile.ZipFile(checkpoint) as archive:
@@ -49,13 +49,13 @@ def _check_records(checkpoint: Path) -> None:
 def read_checkpoint(
     path: Path, device: torch.device | str, identity: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """What `write_checkpoint` wrote: tensors and plain values. No other object is ever loaded.
+    """Read a checkpoint; only tensors and plain values are ever loaded.
 
     Args:
-      identity: of the training that wants it, which must be that of the one that wrote it.
+      identity: settings of the present training, which must equal those in the checkpoint.
 
     Raises:
-      StoreError: the file is damaged, no checkpoint, or of other settings.
+      StoreError: the file is damaged, is no checkpoint, or has other settings.
     """
     remedy = "remove it to start over"
     try:
@@ -83,7 +83,7 @@ def read_checkpoint(
 
 
 def _difference(theirs: Mapping[str, Any], ours: Mapping[str, Any]) -> str:
-    """The first setting that differs, in words."""
+    """First setting that differs, in words."""
     for part, values in ours.items():
         if not isinstance(values, dict):
             if theirs.get(part) != values:

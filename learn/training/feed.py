@@ -1,8 +1,8 @@
-"""Feeds: what a training sees of its missions at one step.
+"""Feed: the samples of missions that a training uses at one step.
 
-A network with trained memory is shown windows: pieces of missions that start some samples early
-(wash-in, not counted), so that it has found its state when counting begins. One whose memory has no
-weights is shown single samples in any order: what it recalls at each is worked out once.
+A network with trained memory gets windows: sections of missions with uncounted samples before them
+that warm up the network's state. A network with fixed memory gets single samples in any order: its
+memory at each sample is computed once.
 """
 
 from __future__ import annotations
@@ -22,38 +22,38 @@ from learn.networks.fixed_memory import FixedMemory
 from learn.training.optimiser import TrainingConfig
 
 SIDE_BY_SIDE = 64
-"""Windows of one piece of the error over all samples."""
+"""Windows per group in a full-batch step."""
 RECALLED = 32
-"""Missions whose memory is worked out at once."""
+"""Missions whose fixed memory is computed together."""
 SAMPLES = 16384
-"""Samples of one piece of the error over all samples."""
+"""Single samples per group in a full-batch step."""
 
 
 class Feed(abc.ABC):
-    """Groups of what is shown at one step, and the error on one of them."""
+    """Groups of samples for one step each, and the network's error on a group."""
 
     @abc.abstractmethod
     def epoch(self, rng: np.random.Generator) -> list[Any]:
-        """Groups that show every sample once, in random order."""
+        """Groups that contain every sample once, in random order."""
 
     @abc.abstractmethod
     def everything(self) -> list[Any]:
-        """Groups that together are all samples, and their mirror images where these are shown."""
+        """Groups that contain all samples, and all mirror images if missions are mirrored."""
 
     @abc.abstractmethod
     def squared_error(self, group: Any) -> tuple[Tensor, float]:
-        """Sum of the squared errors of the network over the counted samples of a group, and how
-        many count."""
+        """Sum of the network's squared errors over the counted samples of a group, and the number
+        of these samples."""
 
 
 def feed_for(network: Network, sequences: Sequences, config: TrainingConfig) -> Feed:
-    """The feed that suits a network; the network must be on its device already."""
+    """Choose the feed for a network; the network must be on its device already."""
     kind = SampleFeed if isinstance(network, FixedMemory) else WindowFeed
     return kind(network, sequences, config)
 
 
 def recalled_columns(config: NetworkConfig) -> int:
-    """What a fixed memory recalls at a sample, in numbers; none of another network."""
+    """Number of values in a fixed memory at one sample; 0 for other networks."""
     with torch.random.fork_rng(devices=[]):
         network = build_network(config)
     if not isinstance(network, FixedMemory):
@@ -65,7 +65,7 @@ def recalled_columns(config: NetworkConfig) -> int:
 
 @dataclasses.dataclass
 class WindowFeed(Feed):
-    """Windows of missions, see `learn.data.sequences.cut_windows`."""
+    """Feed of windows of missions, see `learn.data.sequences.cut_windows`."""
 
     network: Network
     sequences: Sequences
@@ -104,14 +104,14 @@ class WindowFeed(Feed):
 
 @dataclasses.dataclass(frozen=True)
 class _Samples:
-    """Places of samples, and which of them are shown as their mirror images."""
+    """Indices of samples, and True for those to mirror."""
 
     places: NDArray[np.int64]
     mirrored: NDArray[np.bool_] | None
 
 
 class SampleFeed(Feed):
-    """Single samples of all missions with what a fixed memory recalls at each."""
+    """Feed of single samples of all missions, with the fixed memory at each."""
 
     def __init__(self, network: Network, sequences: Sequences, config: TrainingConfig) -> None:
         assert isinstance(network, FixedMemory)
@@ -121,7 +121,7 @@ class SampleFeed(Feed):
         self._recalled = _recall(network, sequences)[torch.from_numpy(counted)].to(device)
         self._wanted = torch.from_numpy(np.concatenate(sequences.targets)[counted]).to(device)
         self._image: tuple[Tensor, float] | None = None
-        """Signs of what is recalled, and of the target."""
+        """Signs of memory and target in the mirror image; None if missions are not mirrored."""
         if sequences.mirror is not None:
             signs = network.mirrored(torch.from_numpy(sequences.mirror.inputs).to(device))
             self._image = signs, float(sequences.mirror.target)
@@ -162,7 +162,7 @@ def _pieces(places: NDArray[np.int64], mirrored: NDArray[np.bool_] | None, size:
 
 
 def _recall(network: FixedMemory, sequences: Sequences) -> Tensor:
-    """What the memory recalls at every sample, (samples, recalled), mission by mission."""
+    """Fixed memory at every sample, (samples, recalled), mission by mission."""
     found: list[Tensor] = [torch.empty(0)] * len(sequences.inputs)
     order = np.argsort(-sequences.lengths, kind="stable")
     device = next(network.parameters()).device

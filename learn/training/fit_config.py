@@ -1,6 +1,6 @@
-"""Settings: everything that decides what a run becomes, and the networks that it asks for.
+"""Fit config: all settings that decide a run's result, and the training jobs of its networks.
 
-Given settings: the settings that a user gave, completed to all that a training needs.
+`fit_settings` completes the settings that a user gave with a resumed run's and the defaults.
 """
 
 from __future__ import annotations
@@ -31,38 +31,38 @@ from twin.navigation.flight_filter import ANY, HULLS
 from twin.records.storage.store_path import StorePath, store_path
 
 FREE = ("device", "threads")
-"""Settings of a training with which another machine may go on."""
+"""Settings that may change when a training is resumed, for example on another machine."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FitConfig:
-    """Everything that decides what a run becomes."""
+    """All settings that decide a run's result."""
 
     store: str
-    """Path of the store; the first one of several."""
+    """Path of the store; the first of several."""
     features: tuple[str, ...]
-    """Inputs by name, in order."""
+    """Names of the inputs, in order."""
     network: NetworkConfig = dataclasses.field(default_factory=NetworkConfig)
     training: TrainingConfig = dataclasses.field(default_factory=TrainingConfig)
-    """Its seed is the first member's of surge; every network gets one of its own."""
+    """Settings of the training; its seed is the first network's, the others' seeds follow."""
     members: int = 1
-    """Networks per velocity; their spread is an uncertainty."""
+    """Networks per velocity; their standard deviation measures the error."""
     division: Division = "missions"
     """`missions`: the store's split. `samples`: the paper's random 70/15/15, which leaks."""
     mirror: bool = True
-    """Whether the training shows every mission mirrored, port for starboard, too."""
+    """True: train on the mirror image of every mission too, port for starboard."""
     period: float | None = None
-    """[s] between samples, a multiple of the store's; None takes all of them."""
+    """[s] Sample period, a multiple of the store's; None takes all samples."""
     start: str | None = None
-    """Run whose weights and scales the training goes on from; None starts at random."""
+    """Run whose weights and normalisation the training starts from; None: random weights."""
     held_out: tuple[int, ...] = ()
     """Rows of the store that are not trained on, see `learn.data.preparation.prepare`."""
     labels: LabelConfig = dataclasses.field(default_factory=LabelConfig)
-    """What is learned: the truth, or what a Doppler log measured."""
+    """Source of the velocities to learn: the truth or a Doppler log."""
     more_stores: tuple[str, ...] = ()
-    """Paths of further stores, whose missions train too."""
+    """Paths of further stores to train on."""
     hulls: str = ANY
-    """Of the training, as `twin.navigation.flight_filter.HULLS` knows them"""
+    """Range of hulls in the training, a key of `twin.navigation.flight_filter.HULLS`"""
 
     def __post_init__(self) -> None:
         if self.members < 1:
@@ -81,15 +81,15 @@ class FitConfig:
 
     @property
     def stores(self) -> tuple[str, ...]:
-        """All its stores."""
+        """Paths of all stores."""
         return (self.store, *self.more_stores)
 
     @classmethod
     def of(cls, settings: Mapping[str, Any], folder: Path) -> FitConfig:
-        """From a run's stored settings; those of a later version than the run are the defaults.
+        """Config from a run's stored settings; settings added since then get their defaults.
 
         Raises:
-          StoreError: they are damaged, or of a later version.
+          StoreError: the settings are damaged, or of a later version.
         """
         values = dict(settings)
         try:
@@ -105,7 +105,7 @@ class FitConfig:
             ) from error
 
     def differences(self, other: FitConfig) -> list[str]:
-        """What `other` has otherwise, setting by setting, without those that may change."""
+        """Differences from `other` in words, one per setting, without the settings FREE."""
         ours, theirs = (dataclasses.asdict(config) for config in (self, other))
         for part in ("network", "training", "labels"):
             for values in (ours, theirs):
@@ -125,7 +125,7 @@ class FitConfig:
         return found
 
     def jobs(self) -> list[TrainingJob]:
-        """The networks to train."""
+        """Jobs of all networks to train."""
         return [
             TrainingJob(
                 target=target,
@@ -140,7 +140,7 @@ class FitConfig:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class TrainingJob:
-    """One network of a run."""
+    """Training of one network of a run."""
 
     target: str
     member: int
@@ -149,7 +149,7 @@ class TrainingJob:
 
     @property
     def name(self) -> str:
-        """Name of its files."""
+        """Name of the network's files."""
         return f"{self.target}-{self.member}"
 
 
@@ -160,14 +160,14 @@ DEFAULT_INPUTS = "full"
 def fit_settings(
     store: str | StorePath | Stores | None = None, *, resumed: Path | None = None, **settings: Any
 ) -> FitConfig:
-    """The settings of a training: those given here, a resumed run's own, and the defaults.
+    """Complete the given settings with a resumed run's own and the defaults.
 
     Args:
-      store: of missions or of logs, or several of simulated missions, each of one vehicle; they
-        need the same time between samples, and inputs are what all their vehicles have [default:
-        data/missions.zarr].
-      resumed: folder of the run that is continued, if it exists.
-      settings: as of `learn.FitSettings`, which explains them.
+      store: missions or logs of one vehicle, or several stores of simulated missions, one vehicle
+        each. Several stores need one sample period; inputs are the features that all their vehicles
+        have. None is the resumed run's store or data/missions.zarr.
+      resumed: folder of the run to continue, if it exists.
+      settings: fields of `learn.FitSettings`.
 
     Raises:
       InputError: a name is unknown, a value impossible, or a setting has no use here.
@@ -238,10 +238,10 @@ def fit_settings(
 def _inputs(
     stores: Stores, inputs: str, features: Sequence[str] = (), without: Sequence[str] = ()
 ) -> tuple[str, ...]:
-    """Names of the inputs, of a set of them or of these features and groups: what all stores have.
+    """Names of the inputs that all stores have, from a set of inputs or from `features`.
 
     Raises:
-      InputError: a name is unknown, nothing is left, or a store's vehicle lacks a feature.
+      InputError: a name is unknown, no input is left, or a store's vehicle lacks a feature.
     """
     for store in stores if len(stores) > 1 else ():
         had = features_for(tuple(parts_of(store)))
@@ -255,7 +255,7 @@ def _inputs(
 
 
 def _resumed(folder: Path | None) -> FitConfig | None:
-    """Settings of the run that is continued, None where there is none yet."""
+    """Settings of the run to continue; None if there is no run yet."""
     if folder is None or not (folder / DESCRIPTION).is_file():
         return None
     return FitConfig.of(read_description(folder)["settings"], folder)
@@ -267,7 +267,7 @@ def _absolute(store: str | StorePath) -> StorePath:
 
 
 def _same_places(stores: Stores, base: FitConfig) -> tuple[str, ...]:
-    """The stores as the settings have them: another path to the same folder is the same store."""
+    """Paths of the stores as in the settings, if another path leads to the same folder."""
     known = {_absolute(store): store for store in base.stores}
     return tuple(known.get(_absolute(store), str(store)) for store in stores)
 
@@ -278,7 +278,7 @@ def _check_uses(
     training: Mapping[str, object],
     learned: Mapping[str, object],
 ) -> None:
-    """Refuse what would be taken and then ignored."""
+    """Raise InputError for a given setting that would have no effect."""
     from learn.networks.fixed_memory import FixedMemory
 
     for name in learned if config.labels.source == "truth" else ():

@@ -1,4 +1,4 @@
-"""Fitting: train the networks of a run side by side, and describe it."""
+"""Fitting: train the networks of a run, several at a time, and write its `run.json`."""
 
 from __future__ import annotations
 
@@ -59,13 +59,13 @@ STORE_ATTRIBUTES = (
     *(PRESET, SEED, HOURS, SENSORS, VEHICLE_SHA256, HISTORY),
     *(SOURCE_FORMAT, PLATFORM, SAMPLE_PERIOD),
 )
-"""What a run keeps of its store's description."""
+"""Attributes of the store that `run.json` repeats."""
 CONTENT = "store_content"
-"""Entry of `run.json`: see `twin.records.storage.checksums.content_hash`."""
+"""Entry of `run.json`: the store's `twin.records.storage.checksums.content_hash`."""
 
 
 Watch = Callable[[TrainingJob, TrainingReport], None]
-"""Called at every validation of every network."""
+"""Function called at every validation of every network."""
 
 
 IN_THIS_PROCESS = Resources()
@@ -83,18 +83,18 @@ def fit(
     say: Callable[[str], None] = lambda _: None,
     history: str = "",
 ) -> Run:
-    """Train what is missing of a run and describe it, its networks side by side.
+    """Train the missing networks of a run, several at a time, and write its `run.json`.
 
-    The evaluation is a step of its own. A start that fails, or is interrupted before anything is
-    trained, leaves what was there.
+    The evaluation is a separate step (`learn.finishing`). If a fit fails or is interrupted before
+    its first checkpoint, the folder stays as it was.
 
     Args:
       resume: continue an unfinished run of the same settings; start it if there is none. With
-        `replace` this is one that was begun with `replace`.
-      replace: put the new run in the place of an old one once all of it is trained.
-      watch: sees every validation.
-      warn: told what is no error and makes poor networks.
-      say: told where the training data are kept.
+        `replace`, continue an interrupted replacement.
+      replace: replace an old run once all networks are trained.
+      watch: called at every validation.
+      warn: called with warnings on settings or data that make poor networks.
+      say: called with a sentence on the place of the training data.
       history: command line for the record.
 
     Raises:
@@ -148,7 +148,7 @@ def _train(
     *,
     resident: bool,
 ) -> None:
-    """Train networks in a folder; the description has the figures of each when it is saved."""
+    """Train networks in a folder; each saved network adds its figures to the description."""
 
     def finished(task: Task, report: TrainingReport | None) -> None:
         results = {**description.get("networks", {}), task.job.name: _figures(task.job, report)}
@@ -166,11 +166,11 @@ def _train(
 
 
 def _run_to_continue(folder: Path, *, resume: bool, replace: bool) -> dict[str, Any] | None:
-    """The description of the run that is continued; None starts a new one."""
+    """Description of the run to continue; None starts a new run."""
     if _run_there(folder) is not None and not (resume or replace):
         raise InputError(f"run {folder} exists; use --resume, --overwrite or another --name")
     training = training_folder(folder, replace=replace)
-    # beside the run lies only what a fit left: without a description it was being removed
+    # the replacement's folder has only a fit's files: no description means half removed
     left = not replace or _described(training)
     return _run_there(training) if resume and left else None
 
@@ -183,7 +183,7 @@ def _checked(
     warn: Callable[[str], None],
     history: str,
 ) -> dict[str, Any]:
-    """The description of the run, once everything is checked."""
+    """Check stores, settings and folder; returns the description of the run."""
     content = _check_sources(config, elsewhere=resources.executor is not None)
     for store in config.stores:
         if text := few_missions(store, config.division):
@@ -199,10 +199,10 @@ def _checked(
 
 
 def _run_there(folder: Path) -> dict[str, Any] | None:
-    """The description of the run in a folder, None where there is nothing.
+    """Description of the run in a folder; None if the folder is missing or empty.
 
     Raises:
-      InputError: something else is there.
+      InputError: the folder holds something other than a run.
     """
     if not folder.exists():
         return None
@@ -216,10 +216,10 @@ def _described(folder: Path) -> bool:
 
 
 def _check_sources(config: FitConfig, *, elsewhere: bool) -> tuple[str, ...]:
-    """Make sure, before anything is written, that stores, device and start can be used.
+    """Check stores, device and start, before any file is written.
 
     Returns:
-      Each store's content, see `twin.records.storage.checksums.content_hash`.
+      Content hash of each store, see `twin.records.storage.checksums.content_hash`.
     """
     pick_device(config.training.device)
     if elsewhere:
@@ -240,7 +240,7 @@ def _check_sources(config: FitConfig, *, elsewhere: bool) -> tuple[str, ...]:
                 "labels of a Doppler log are learned from one store: leave --labels dvl out, or "
                 "give the stores one by one"
             )
-        with open_stores(config.stores, channels, period=config.period):  # whether they go together
+        with open_stores(config.stores, channels, period=config.period):  # raises if incompatible
             pass
         for store in config.stores:
             training_lengths(store, config.division, config.period)
@@ -250,7 +250,7 @@ def _check_sources(config: FitConfig, *, elsewhere: bool) -> tuple[str, ...]:
 def _check_same(
     config: FitConfig, found: Mapping[str, Any], content: Sequence[str], folder: Path
 ) -> None:
-    """Refuse to continue a run under other settings or on other data."""
+    """Refuse to continue a run with other settings or other data."""
     if changes := FitConfig.of(found["settings"], folder).differences(config):
         raise InputError(
             f"run {folder} was started with {'; '.join(changes)}: leave these options out to go on "
@@ -266,7 +266,7 @@ def _check_same(
 
 
 def _describe(config: FitConfig, content: Sequence[str], history: str) -> dict[str, Any]:
-    """The description of a new run."""
+    """Description of a new run, the content of its `run.json`."""
     with MissionStore(config.store) as reader:
         attributes = _attributes(reader)
         named = (*(f"true_{t}" for t in TARGETS), SPEED)
@@ -274,10 +274,10 @@ def _describe(config: FitConfig, content: Sequence[str], history: str) -> dict[s
     settings, several = to_json(config), {}
     if config.more_stores:
         several[MORE_STORES] = [
-            _further(store, one) for store, one in zip(config.more_stores, content[1:], strict=True)
+            _entry(store, one) for store, one in zip(config.more_stores, content[1:], strict=True)
         ]
     else:
-        del settings[MORE_STORES]  # versions that know one store alone read such a run
+        del settings[MORE_STORES]  # older versions, which know a single store, can read the run
     origins: dict[str, dict[str, Any]] = {}
     if config.start is not None:
         first = open_run(config.start)
@@ -305,15 +305,15 @@ def _attributes(reader: MissionStore) -> dict[str, Any]:
     return {k: v for k in STORE_ATTRIBUTES if (v := reader.attributes.get(k)) is not None}
 
 
-def _further(store: str, content: str) -> dict[str, Any]:
-    """What is remembered of a store beside the first."""
+def _entry(store: str, content: str) -> dict[str, Any]:
+    """Entry of `run.json` for a store after the first."""
     with MissionStore(store) as reader:
         vehicle = reader.vehicle.name
         return {"store": store, "vehicle": vehicle, **_attributes(reader), CONTENT: content}
 
 
 def _labels(config: FitConfig) -> dict[str, Any]:
-    """What the Doppler log gave to learn from, where it was learned from."""
+    """Entry of `run.json` with the Doppler log's label counts; empty if the truth was learned."""
     if config.labels.source == "truth":
         return {}
     counts = labels_in(config.store, config.labels, division=config.division, period=config.period)
@@ -321,7 +321,7 @@ def _labels(config: FitConfig) -> dict[str, Any]:
 
 
 def _figures(job: TrainingJob, report: TrainingReport | None) -> dict[str, Any]:
-    """What is remembered of a training."""
+    """Figures of a network's training for `run.json`."""
     if report is None:
         return {"seed": job.seed}
     return {

@@ -1,10 +1,10 @@
 """Minibatch optimisers: torch's Adam (Kingma and Ba 2015), and SOAP.
 
-N. Vyas et al., "SOAP: improving and stabilizing Shampoo using Adam" (2024): Adam in the eigenbasis
-of Shampoo's preconditioner. Each weight matrix
-keeps running second moments of its gradient's rows and columns; Adam's per-element scale is applied
-in their eigenbases, which follow slowly by one power iteration. On smooth regression, where little
-noise hides the curvature, this takes several times fewer steps than Adam.
+SOAP (N. Vyas et al., "SOAP: improving and stabilizing Shampoo using Adam", 2024) is Adam in the
+eigenbasis of Shampoo's preconditioner. Each weight matrix has running second moments of its
+gradient's rows and columns. Adam's scale per element is applied in the moments' eigenbases, which
+one power iteration updates from time to time. On smooth regression with little noise, SOAP needs
+several times fewer steps than Adam.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from learn.training.optimiser import MinibatchOptimiser, TrainingConfig
 
 
 class Soap(torch.optim.Optimizer):
-    """The optimiser; vectors (biases) get plain Adam.
+    """SOAP as a torch optimiser; vectors (biases) get plain Adam.
 
     Args:
-      parameters: what to train.
+      parameters: tensors to train.
       lr: step size.
-      betas: decay of the gradient's mean and of its squares.
-      shampoo_beta: decay of the row and column moments.
+      betas: decay factors of the gradient's mean and of its mean square.
+      shampoo_beta: decay factor of the row and column moments.
       every: steps between two updates of the eigenbases.
-      weight_decay: share of every weight matrix taken off per step and unit of `lr`, apart from the
-        gradient (decoupled, as in AdamW).
+      weight_decay: fraction of each weight matrix subtracted per step and unit of `lr`,
+        independently of the gradient (decoupled, as in AdamW).
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Soap(torch.optim.Optimizer):
         }
         super().__init__(parameters, defaults)
 
-    # torch's own without their wrapper, which imports torch's compiler: 1.6 s of every training
+    # torch's methods without the wrapper that imports torch's compiler, which takes 1.6 s
     add_param_group = inspect.unwrap(torch.optim.Optimizer.add_param_group)
     zero_grad = inspect.unwrap(torch.optim.Optimizer.zero_grad)
     state_dict = inspect.unwrap(torch.optim.Optimizer.state_dict)
@@ -60,7 +60,7 @@ class Soap(torch.optim.Optimizer):
 
     @torch.no_grad()
     def step(self, closure: Any = None) -> None:  # type: ignore[override]
-        """One update from the gradients."""
+        """Update the parameters from their gradients."""
         for group in self.param_groups:
             for parameter in group["params"]:
                 if parameter.grad is not None:
@@ -74,7 +74,7 @@ class Soap(torch.optim.Optimizer):
             state["square"] = torch.zeros_like(gradient)
             if gradient.dim() == 2:
                 _start_bases(state, gradient)
-                return  # the first gradient only shows the directions
+                return  # the first gradient only starts the eigenbases
         state["step"] += 1
         beta1, beta2 = group["betas"]
         rotated = _rotate(state, gradient)
@@ -104,7 +104,7 @@ def _eigenvectors(moment: Tensor) -> Tensor:
 
 
 def _follow(state: dict[str, Any], gradient: Tensor, beta: float, turn: bool) -> None:
-    """Update the moments, and turn the bases by one power iteration when it is time."""
+    """Update the moments and, if `turn`, the eigenbases by one power iteration."""
     state["rows"].lerp_(gradient @ gradient.T, 1.0 - beta)
     state["columns"].lerp_(gradient.T @ gradient, 1.0 - beta)
     if not turn:
@@ -112,7 +112,7 @@ def _follow(state: dict[str, Any], gradient: Tensor, beta: float, turn: bool) ->
     for moment, basis, axis in (("rows", "row_basis", 0), ("columns", "column_basis", 1)):
         old = state[basis]
         product = state[moment] @ old
-        # Sorted by eigenvalue, since the factorisation keeps the leading directions first.
+        # sorted by eigenvalue: the QR factorisation keeps leading directions first
         order = torch.argsort((old * product).sum(0), descending=True)
         state["square"] = state["square"].index_select(axis, order)
         state[basis] = torch.linalg.qr(product[:, order])[0]
@@ -142,7 +142,7 @@ class SoapOptimiser(MinibatchOptimiser):
 
 
 class AdamOptimiser(MinibatchOptimiser):
-    """torch's own."""
+    """Adam of torch."""
 
     summary = "running means of the gradient and of its squares, with a cosine schedule"
 

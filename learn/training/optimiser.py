@@ -1,6 +1,6 @@
-"""Optimisers: one step after another on few windows of missions, or on all at once.
+"""Optimiser: base classes of optimisers on minibatches or on all windows at once.
 
-The settings of a training, how much of its budget is spent, and the step size then.
+Also here: the settings of a training, its budget and its schedule of step sizes.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from twin.errors import InputError, unknown_name
 from twin.extras import preload_triton
 
 Objective = Callable[[Tensor], tuple[float, Tensor]]
-"""From parameters (n,) to the error and its gradient (n,)."""
+"""Function from parameters (n,) to the error and its gradient (n,)."""
 
 
 class Optimiser(abc.ABC):
-    """Base of the two ways; a kind derives from `MinibatchOptimiser` or `FullBatchOptimiser`."""
+    """Base of optimisers; derive yours from `MinibatchOptimiser` or `FullBatchOptimiser`."""
 
     summary: ClassVar[str]
-    """What it is, a few words for tables."""
+    """Description of the optimiser in a few words, for tables."""
     settings: ClassVar[tuple[str, ...]]
-    """Which settings of `TrainingConfig` it uses, of those that not all optimisers do
-    (`SETTINGS`); others are refused on the command line."""
+    """Names in `SETTINGS` that the optimiser uses; the command line refuses the other settings of
+    `SETTINGS`."""
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """Name the fault of a kind, tried on a line through points; empty where it has none."""
+        """Fault of the class, found by a trial on a small problem; empty if there is none."""
         if not issubclass(cls, MinibatchOptimiser | FullBatchOptimiser):
             return (
                 "it must derive from MinibatchOptimiser or FullBatchOptimiser, which define how "
@@ -51,64 +51,64 @@ class Optimiser(abc.ABC):
 
 
 class MinibatchOptimiser(Optimiser):
-    """Steps on batches of windows; the trainer sets the step size by its schedule."""
+    """Optimiser on batches of windows; the trainer sets the step size by its schedule."""
 
     settings: ClassVar[tuple[str, ...]] = ("rate", "warmup", "batch", "window", "clip")
 
     @abc.abstractmethod
     def build(self, parameters: Iterable[Tensor], config: TrainingConfig) -> torch.optim.Optimizer:
-        """torch's optimiser of these parameters.
+        """Build a torch optimiser of these parameters.
 
-        Before every step the trainer writes `lr` into its `param_groups`; a checkpoint holds its
-        `state_dict`.
+        Before every step the trainer writes `lr` into the optimiser's `param_groups`. Checkpoints
+        hold its `state_dict`.
         """
 
 
 class Descent(Protocol):
-    """The state of a full-batch method; `step` is one iteration."""
+    """Protocol of a full-batch method; `step` is one iteration."""
 
     parameters: Tensor
-    """(n,) of the best point so far"""
+    """Best parameters so far, (n,)"""
     error: float
-    """At `parameters`; it never rises."""
+    """Error at `parameters`, which never rises."""
     scale: float
-    """What the report shows as the step size."""
+    """Number that reports show as the step size."""
     iterations: int
     evaluations: int
-    """Of the objective."""
+    """Number of evaluations of the objective."""
     converged: bool
 
     def step(self) -> bool:
-        """One iteration; whether a better point was found."""
+        """Make one iteration; returns True if a better point was found."""
         ...
 
     def state_dict(self) -> dict[str, Any]:
-        """Everything that a resumed training needs."""
+        """State that a resumed training needs."""
         ...
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Continue from `state_dict`."""
+        """Continue from a `state_dict`."""
         ...
 
 
 class FullBatchOptimiser(Optimiser):
-    """Steps on the error over all windows at once."""
+    """Optimiser of the error over all windows at once."""
 
     settings: ClassVar[tuple[str, ...]] = ("full_window",)
 
     @abc.abstractmethod
     def build(self, objective: Objective, start: Tensor, config: TrainingConfig) -> Descent:
-        """The method, to begin at parameters `start` (n,)."""
+        """Build the method, which starts from parameters `start` (n,)."""
 
 
 SETTINGS = ("rate", "warmup", "batch", "window", "clip", "full_window", "weight_decay")
 """Settings of `TrainingConfig` that not every optimiser uses."""
 STEPS = 8
-"""Of the trial: SOAP's first one only looks."""
+"""Number of steps in a trial; SOAP's first step changes nothing."""
 
 
 def _minibatch(kind: MinibatchOptimiser) -> str:
-    """What is wrong with a minibatch optimiser; empty when all is well."""
+    """Fault of a minibatch optimiser, tried on a linear fit; empty if there is none."""
     line = nn.Linear(2, 1)
     with torch.no_grad():
         line.weight.copy_(torch.tensor([[0.5, -0.5]]))
@@ -134,7 +134,7 @@ def _minibatch(kind: MinibatchOptimiser) -> str:
 
 
 def _full_batch(kind: Any) -> str:
-    """What is wrong with a full-batch optimiser; empty when all is well."""
+    """Fault of a full-batch optimiser, tried on a parabola; empty if there is none."""
     goal = torch.tensor([1.0, -2.0, 0.5])
 
     def objective(p: Tensor) -> tuple[float, Tensor]:
@@ -161,55 +161,55 @@ DEVICES = ("auto", "cpu", "cuda")
 
 
 OPTIONS = ("seconds", "epochs", "washin", "seed")
-"""Settings that `learn fit` has options for, by the same name"""
+"""Settings with an option of the same name in `learn fit`"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class TrainingConfig:
-    """How a network is trained. A budget is seconds or epochs; the schedule fits whichever ends
-    first. With `seconds` 0 the result does not depend on the machine's speed."""
+    """Settings of a network's training. The budget is in seconds, epochs or both; training ends
+    when either is spent. With `seconds` 0 the result does not depend on the machine's speed."""
 
     optimiser: str = "soap"
-    """A name of `learn.seams.OPTIMISERS`."""
+    """Name in `learn.seams.OPTIMISERS`."""
     seconds: float = 120.0
-    """[s] of computing for one network, whatever else the machine does; 0 leaves it to `epochs`."""
+    """[s] Budget of CPU time for one network; 0: only `epochs` counts."""
     epochs: int = 0
-    """Budget in passes over the training missions (scg: iterations); 0 leaves it to `seconds`."""
+    """Budget in passes over the training missions (scg: iterations); 0: only `seconds` counts."""
     rate: float = 3e-3
     """minibatches: highest step size, reached after the warm-up."""
     warmup: float = 0.05
-    """minibatches: share of the budget in which the step size rises from zero."""
+    """minibatches: fraction of the budget in which the step size rises from zero."""
     batch: int = 16
     """minibatches: windows per step."""
     window: int = 128
     """minibatches: counted samples of a window."""
     samples: int = 1024
-    """minibatches of networks whose memory has no weights: samples per step, in place of windows
-    and wash-in."""
+    """minibatches, networks with fixed memory: samples per step, instead of windows with
+    warm-up."""
     washin: int = 48
-    """Samples before a window that let the network find its state."""
+    """Samples before a window that warm up the network's state and do not count."""
     clip: float = 1.0
-    """minibatches: longest gradient, in units of the normalised loss."""
+    """minibatches: largest norm of the normalised loss's gradient; longer ones are scaled down."""
     full_window: int = 1024
-    """scg and its like: counted samples of a window; the batch is always all windows."""
+    """full-batch optimisers (scg): counted samples of a window; the batch is all windows."""
     weight_decay: float = 0.1
-    """soap: share of the weights taken off per step and unit of the step size. Few missions are
-    learned by heart without it."""
+    """soap: fraction of the weights subtracted per step and unit of step size. Without it, networks
+    overfit a small number of missions."""
     patience: int = 0
-    """Validations without improvement after which training stops; 0 uses the whole budget. The
-    weights that were best on validation are kept in either case."""
+    """Validations without improvement after which training stops; 0 uses the whole budget. In both
+    cases the weights with the best validation are kept."""
     validations: int = 40
-    """Validations over the budget."""
+    """Number of validations over the budget."""
     buffer: int = 2**20
-    """Samples of the missions whose windows are shuffled together; one buffer follows on another.
-    What is not larger is shuffled as a whole. It has a part in the result, and is what must fit
-    into memory at least."""
+    """Largest number of samples whose windows are shuffled together. A smaller data set is one
+    buffer; a larger one is trained buffer by buffer. The size changes the result, and a buffer must
+    fit into memory."""
     seed: int = 0
-    """Of the initial weights and of the order of the windows."""
+    """Seed of the initial weights and of the order of the windows."""
     device: Literal["auto", "cpu", "cuda"] = "cpu"
-    """auto takes a GPU when there is one."""
+    """Device of the training; auto takes a GPU if there is one."""
     threads: int = 1
-    """CPU threads of this process; two networks in two processes beat two threads."""
+    """CPU threads of a process; two networks in two processes beat two threads."""
 
     def __post_init__(self) -> None:
         if self.optimiser not in OPTIMISERS:
@@ -241,18 +241,18 @@ class TrainingConfig:
 
 
 class TrainingClock:
-    """Time and share of the budget spent."""
+    """Clock of a training: spent CPU time and spent fraction of the budget."""
 
     def __init__(self, config: TrainingConfig, spent: float = 0.0) -> None:
         self.config = config
         self._start = time.thread_time() - spent
 
     def seconds(self) -> float:
-        """[s] of computing since the start of the training, earlier runs included."""
+        """[s] CPU time since the start of the training, including earlier runs."""
         return time.thread_time() - self._start
 
     def share(self, epochs: float) -> float:
-        """Share of the budget spent after `epochs`, at most 1."""
+        """Fraction of the budget spent after `epochs`, at most 1."""
         shares = [0.0]
         if self.config.seconds:
             shares.append(self.seconds() / self.config.seconds)
@@ -262,7 +262,7 @@ class TrainingClock:
 
 
 def step_size(config: TrainingConfig, share: float) -> float:
-    """Step size after `share` of the budget: linear warm-up, then half a cosine to zero."""
+    """Step size after a fraction `share` of the budget: linear rise, then half a cosine to zero."""
     if share < config.warmup:
         return config.rate * max(share / config.warmup, 1e-3)
     rest = (share - config.warmup) / (1.0 - config.warmup)

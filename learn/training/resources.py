@@ -1,7 +1,7 @@
-"""Resources: the processes that train networks side by side, and the memory for their data.
+"""Resources: the processes that train a run's networks, and the memory for their data.
 
-A job trains and saves one network of a run. Its process ends with the one that started it, however
-that one ends. The training data stay in memory where there is room, and are streamed otherwise.
+A job trains and saves one network of a run. A worker process ends when its parent ends, even by a
+kill. The training data stay in memory if there is room; otherwise they are streamed.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ from twin.numbers import processors
 from twin.records.windows import buffers
 
 CHECK_S = 1.0
-"""[s] between looks whether the parent lives."""
+"""[s] Time between checks that the parent process lives."""
 
 
 def end_with(parent: int) -> None:
-    """In a process that `parent` started: end within about CHECK_S after it, even after a kill.
+    """Make this worker process end within about CHECK_S after its parent, even after a kill.
 
-    An interrupt at the keyboard reaches all processes at once: it is the parent's to answer.
+    Keyboard interrupts are ignored here: they reach all processes, and the parent handles them.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
@@ -57,30 +57,30 @@ def end_with(parent: int) -> None:
 
 GB = 1e9
 SHARE = 0.5
-"""Of the memory that is free: the rest is for the programs, their libraries and what else runs"""
+"""[1] Fraction of the free memory for training data; the rest is for programs and libraries"""
 READING = 400
-"""Bytes of a sample while its channels become features"""
+"""Bytes per sample while channels become features"""
 CGROUPS = Path("/sys/fs/cgroup")
 
 
 @dataclasses.dataclass(frozen=True)
 class Residence:
-    """Where the training data are."""
+    """Place of the training data: memory or store."""
 
     resident: bool
-    """In memory; else they are read from the store whenever they are needed"""
+    """True: in memory; False: read from the store on each use"""
     told: str
-    """The choice and its reason in one line"""
+    """Choice and its reason in one line"""
 
 
 def choose_residence(config: FitConfig, together: int, memory: float | None = None) -> Residence:
-    """Decide for networks of which `together` are trained at a time.
+    """Choose the place of the training data, for `together` networks trained at a time.
 
     Args:
-      memory: [GB] for the training data of all of them; None: half of what this machine has free.
+      memory: [GB] limit for the data of these networks; None: half of the machine's free memory.
 
     Raises:
-      InputError: not even the buffers fit.
+      InputError: the buffers alone exceed the limit.
       StoreError: a store cannot be opened.
     """
     if memory is not None and not (np.isfinite(memory) and memory > 0.0):
@@ -113,17 +113,17 @@ def choose_residence(config: FitConfig, together: int, memory: float | None = No
 
 
 def _sizes(config: FitConfig) -> tuple[int, int]:
-    """Bytes of one network's data: all of them, and the most that streaming holds at once.
+    """Bytes of one network's data when resident, and the largest number when streamed.
 
-    While one buffer is trained on and the next one is read, two groups of validation missions may
-    be in memory as well. What a fixed memory recalls of a buffer is there twice while it is made.
+    Streaming holds two buffers, one in use and one being read, and up to two groups of validation
+    missions. A fixed memory of a buffer exists twice while it is computed.
     """
     train, validation = training_lengths(
         config.stores, config.division, config.period, config.held_out
     )
     lengths = train if config.division == "samples" else np.concatenate([train, validation])
     sample = sample_bytes(len(config.features))
-    # the period changes what is recalled, and not how much of it
+    # the period changes the fixed memory's values, not its size
     shape = dataclasses.replace(config.network, inputs=len(config.features), period=1.0)
     recalled = 2 * recalled_columns(shape) * 4
     plan = buffers(train, config.training.buffer)
@@ -135,7 +135,7 @@ def _sizes(config: FitConfig) -> tuple[int, int]:
 
 
 def free_memory() -> float:
-    """Bytes that this process may take without another one's loss, in its container too."""
+    """Bytes of free memory, within the limit of the process's container."""
     free = [os.sysconf("SC_PHYS_PAGES") * float(os.sysconf("SC_PAGE_SIZE"))]
     text = _read(Path("/proc/meminfo"))
     free += [
@@ -150,7 +150,7 @@ def free_memory() -> float:
 
 
 def _read(path: Path) -> str:
-    """A file of the system; empty where it has none."""
+    """Text of a system file; empty if the file is missing."""
     try:
         return path.read_text()
     except OSError:
@@ -159,43 +159,43 @@ def _read(path: Path) -> str:
 
 @dataclass(frozen=True)
 class Resources:
-    """Where networks are trained."""
+    """Executor and memory for the training of networks."""
 
     executor: Executor | None = None
-    """Any of `concurrent.futures`; None trains in this process, one network after the other"""
+    """Executor of `concurrent.futures`; None trains in this process, one network at a time"""
     workers: int = 1
-    """Networks that share the memory of a machine"""
+    """Networks trained at a time that share a machine's memory"""
     memory: float | None = None
-    """[GB] for the training data of networks that are trained at a time; None: half of what this
-    machine has free"""
+    """[GB] Limit for the data of the networks trained at a time; None: half of the machine's free
+    memory"""
 
     @property
     def elsewhere(self) -> bool:
-        """Whether the working folder may be another one there."""
+        """True if workers may have another working folder, so that paths must be absolute."""
         return self.executor is not None and not isinstance(self.executor, _Pool)
 
     def abandon(self) -> None:
-        """End the processes of a pool of ours at once: what they train goes on from checkpoints."""
+        """Kill the processes of our own pool at once; their checkpoints stay."""
         if isinstance(self.executor, _Pool):
             self.executor.kill()
 
 
 QUIET = "ignore:resource_tracker:UserWarning"
-"""Of Python's tracker of semaphores, which would write a warning with its source line"""
+"""Warning filter for Python's tracker of semaphores, which otherwise warns after a kill"""
 
 
 class _Pool(ProcessPoolExecutor):
-    """Processes of this machine, begun afresh: torch's threads do not survive a fork."""
+    """Pool of spawned processes on this machine: torch's threads do not survive a fork."""
 
     def __init__(self, workers: int) -> None:
-        # killed processes leave semaphores; the tracker, begun with these options, removes them
+        # killed processes leave semaphores, which the tracker removes; it inherits these options
         if QUIET not in sys.warnoptions:
             sys.warnoptions.append(QUIET)
         context = multiprocessing.get_context("spawn")
         super().__init__(workers, mp_context=context, initializer=end_with, initargs=(os.getpid(),))
 
     def kill(self) -> None:
-        """The standard pool can do this itself from Python 3.14 on."""
+        """Kill all processes; Python 3.14 has a standard method for this."""
         for process in list((self._processes or {}).values()):
             process.kill()
 
@@ -204,15 +204,15 @@ class _Pool(ProcessPoolExecutor):
 def training_resources(
     workers: int | None = None, executor: Executor | None = None, memory: float | None = None
 ) -> Iterator[Resources]:
-    """What trains, for as long as the context lasts.
+    """Context manager that provides `Resources`, with a pool of processes if needed.
 
     Args:
-      workers: processes of this machine; 1 trains in this one, None is as many as it may use CPUs.
-      executor: trains instead of such processes; it must reach run and store by the same paths.
-      memory: see `Resources`; with an executor it is what each network may take.
+      workers: processes of this machine; 1 trains in this process, None takes one per usable CPU.
+      executor: executor to use instead; its workers must reach run and store by the same paths.
+      memory: see `Resources`; with an executor, the limit is for each network.
 
     Raises:
-      InputError: fewer than one worker, or workers and an executor.
+      InputError: `workers` is below 1, or is given together with an executor.
     """
     if executor is not None:
         if workers is not None:
@@ -241,10 +241,10 @@ def train(
     *,
     resident: bool = True,
 ) -> TrainingReport | None:
-    """Train one network and save it; its last report, None when nothing was left to do.
+    """Train one network and save it; returns its last report, or None without any validation.
 
     Args:
-      resident: keep the training data in memory; else read them from the store as they are needed.
+      resident: keep the training data in memory; if False, read them from the store on each use.
     """
     config = job.config
     start = None
@@ -281,7 +281,7 @@ def train(
                 start=None if start is None else start.network.state_dict(),
             ).run()
         finally:
-            torch.set_num_threads(threads)  # the caller's, who may go on in this process
+            torch.set_num_threads(threads)  # restores the caller's setting
     Predictor(trained.network.cpu(), data.normalisation).save(stem(folder, job.target, job.member))
-    checkpoint.unlink(missing_ok=True)  # now that what came of it is safe
+    checkpoint.unlink(missing_ok=True)  # only now that the network is saved
     return trained.history[-1] if trained.history else None

@@ -17,23 +17,23 @@ from twin.errors import InputError
 
 
 class ScaledConjugateGradient:
-    """The optimiser's state; `step` is one iteration and at most two gradients.
+    """Scaled conjugate gradients; `step` is one iteration with at most two gradients.
 
         optimiser = ScaledConjugateGradient(objective, start)
         while not optimiser.converged:
             optimiser.step()
 
-    `parameters` (n,) and `error` are those of the last accepted point: the error never rises.
+    `parameters` (n,) and `error` belong to the last accepted point: the error never rises.
 
     Args:
       sigma: length of the finite difference that measures curvature, at most 1e-4 by Moller.
-        Float32 gradients want a larger one: the difference of two gradients must stand out of
-        their rounding.
-      lambda_start: first scale of the curvature, at most 1e-6 by Moller.
-      gradient_tolerance: the gradient's length at which to stop.
+        Float32 gradients need a larger one: the difference of two gradients must exceed their
+        rounding.
+      lambda_start: initial Levenberg-Marquardt scale lambda, at most 1e-6 by Moller.
+      gradient_tolerance: length of the gradient at which to stop.
 
     Raises:
-      InputError: one of them is not above 0; the tolerance may be 0.
+      InputError: sigma or lambda_start is not above 0, or the tolerance is negative.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class ScaledConjugateGradient:
         self.converged = float(self.residual.norm()) <= self.gradient_tolerance
 
     def step(self) -> bool:
-        """One iteration. Returns whether a better point was accepted; False may follow True."""
+        """Make one iteration; returns True if a better point was accepted."""
         direction = self.direction
         length2 = float(direction.dot(direction))
         if self.converged or length2 == 0.0:
@@ -92,7 +92,7 @@ class ScaledConjugateGradient:
         candidate = self.parameters + length * direction
         error, gradient = self.objective(candidate)
         self.evaluations += 1
-        # Step 6: how well the parabola foretold the error.
+        # step 6: ratio of the actual to the predicted decrease of the error
         comparison = 2.0 * self.curvature * (self.error - error) / slope**2
         accepted = comparison >= 0.0  # step 7; False for NaN
         if accepted:
@@ -106,7 +106,7 @@ class ScaledConjugateGradient:
             finite = abs(comparison) < float("inf")
             factor = (1.0 - comparison) if finite else 1.0 / self.lambda_start
             self.scale += self.curvature * factor / length2
-        # A scale this large moves no parameter any more: nothing better is near.
+        # the scale is so large that the step is below rounding: no better point is near
         tiny = torch.finfo(self.parameters.dtype).eps
         lost = not accepted and abs(length) * length2**0.5 <= tiny * float(self.parameters.norm())
         small = float(self.residual.norm()) <= self.gradient_tolerance
@@ -131,17 +131,17 @@ class ScaledConjugateGradient:
             self._restart()
 
     def _restart(self) -> None:
-        """Steepest descent again: rounding has spoilt the conjugate direction."""
+        """Restart from steepest descent, since rounding has spoilt the conjugate direction."""
         self.direction = self.residual.clone()
         self.scale, self.scale_added = self.lambda_start, 0.0
         self.success = True
 
     def state_dict(self) -> dict[str, Any]:
-        """Everything that a resumed run needs; the objective is given again."""
+        """State that a resumed run needs, without the objective."""
         return {name: getattr(self, name) for name in _STATE}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Continue from `state_dict`; the next step is the one that would have come."""
+        """Continue from a `state_dict`; the next step is as without the interruption."""
         for name in _STATE:
             setattr(self, name, state[name])
 
@@ -163,8 +163,8 @@ _STATE = (
 
 
 FLOAT32_SIGMA = 3e-3
-"""Finite difference of the curvature in parameter space: large against the rounding of float32
-gradients, small against the distance on which curvature changes."""
+"""Finite difference in parameter space that measures curvature: large against the rounding of
+float32 gradients, small against the distance over which curvature changes."""
 
 
 class ScgOptimiser(FullBatchOptimiser):

@@ -1,8 +1,8 @@
-"""Trainer: one network of one velocity, by any optimiser.
+"""Trainer: train one network for one velocity with any optimiser.
 
-What is minimised is the mean squared error of the free-running network over all samples of the
-training missions, the launch from rest included; `learn.training.feed` says what a step sees of
-them. What is judged is the free run over whole validation missions.
+Training minimises the mean squared error over all samples of the training missions, including the
+launch from rest; `learn.training.feed` chooses the samples of a step. Validation is the error over
+whole validation missions, each run once from its start.
 """
 
 from __future__ import annotations
@@ -35,36 +35,36 @@ from twin.extras import preload_triton
 from twin.records.windows import Places, buffers
 
 TRAINING_PER_VALIDATION = 4.0
-"""Least ratio of the time in training to that in validation: a large store validates less often."""
+"""Smallest ratio of training to validation time: a large store is validated less often."""
 BUFFER_ORDER = 1
-"""Sets the numbers that order the buffers of an epoch apart from those that shuffle windows."""
+"""Last entry of the seed for the order of buffers, distinct from the seed that shuffles windows."""
 
 
 @dataclasses.dataclass(frozen=True)
 class TrainingReport:
-    """How far a training is; the last one is also its result."""
+    """Progress of a training at a validation; the last report is also the result."""
 
     step: int
-    """Updates, or iterations over all samples."""
+    """Number of updates, or of iterations over all samples."""
     epoch: float
-    """Passes over the training missions."""
+    """Number of passes over the training missions."""
     seconds: float
-    """[s] spent, earlier runs of a resumed training included."""
+    """[s] Spent CPU time, including earlier runs of a resumed training."""
     share: float
-    """Share of the budget, 0 to 1."""
+    """[1] Spent fraction of the budget."""
     rate: float
     """Step size, or the scale of a full-batch method."""
     train_mse: float
-    """[(m/s)^2] over the windows since the last report."""
+    """[(m/s)^2] Mean squared error over the windows since the last report."""
     validation_mse: float
-    """[(m/s)^2] free run over whole validation missions; NaN without any."""
+    """[(m/s)^2] Mean squared error over whole validation missions; NaN without any."""
     best_mse: float
-    """Lowest validation so far (training error where there are no validation missions)."""
+    """[(m/s)^2] Lowest validation error so far (training error without validation missions)."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Trained:
-    """A finished training."""
+    """Trained network, with the reports of its training."""
 
     network: Network
     history: tuple[TrainingReport, ...]
@@ -72,10 +72,10 @@ class Trained:
 
 
 def pick_device(name: str) -> torch.device:
-    """The device called `name`.
+    """Choose the torch device for auto, cpu or cuda.
 
     Raises:
-      InputError: cuda is demanded and there is none.
+      InputError: cuda is asked for, and there is no CUDA device.
     """
     available = torch.cuda.is_available()
     if name == "cuda" and not available:
@@ -84,10 +84,10 @@ def pick_device(name: str) -> torch.device:
 
 
 class Trainer:
-    """One training with its budget, best weights and checkpoint.
+    """Training of one network, with its budget, best weights and checkpoint.
 
-    Sequences are normalised; `target_scale` turns normalised errors into m/s. `start` are weights
-    to go on from, in place of random ones; they count as the best until validation says otherwise.
+    Sequences are normalised; `target_scale` converts normalised errors to m/s. `start` has initial
+    weights instead of random ones. They stay the best until a validation error is lower.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class Trainer:
         torch.manual_seed(config.seed)
         self.network = build_network(self.network_config).to(self.device)
         if start is not None:
-            self._take(start)
+            self._load_start(start)
         self._only_feed: Feed | None = None
         self.history: list[TrainingReport] = []
         self.best = math.inf
@@ -124,7 +124,7 @@ class Trainer:
         self.stopped = False
         self._seen: list[tuple[float, float]] = []
 
-    def _take(self, start: Mapping[str, Tensor]) -> None:
+    def _load_start(self, start: Mapping[str, Tensor]) -> None:
         try:
             self.network.load_state_dict(dict(start))
         except RuntimeError as error:
@@ -136,10 +136,10 @@ class Trainer:
     def run(self) -> Trained:
         """Train until the budget is spent or validation stops improving.
 
-        A checkpoint is resumed, and stays.
+        If there is a checkpoint, training resumes from it. The file stays.
 
         Raises:
-          StoreError: the checkpoint belongs to other settings.
+          StoreError: the checkpoint is damaged or has other settings.
           InputError: the loss is no longer finite.
         """
         saved = self._load()
@@ -197,21 +197,21 @@ class Trainer:
                     if share >= 1.0 or self.stopped:
                         return
                 position = 0
-                del feed  # before the next one is made
+                del feed  # frees its memory before the next feed is made
             epoch, first = epoch + 1, 0
 
     def _plan(self, epoch: int) -> list[Places]:
-        """Which missions are in memory together, one buffer after the other."""
+        """Missions of each buffer of an epoch, in the order of training."""
         rng = np.random.default_rng([self.config.seed, epoch, 0, BUFFER_ORDER])
         return buffers(self.train_data.lengths, self.config.buffer, rng)
 
     def _part(self, plan: list[Places]) -> float:
-        """Share of the training samples that these buffers hold."""
+        """Fraction of the training samples in these buffers."""
         lengths = self.train_data.lengths
         return sum(int(lengths[places].sum()) for places in plan) / int(lengths.sum())
 
     def _feeds(self, plan: list[Places], first: int = 0) -> Iterator[tuple[int, Feed]]:
-        """Number and feed of each buffer from the `first` on; a single one is made once."""
+        """Number and feed of each buffer from number `first` on; a single buffer's feed is kept."""
         if len(plan) == 1:
             if self._only_feed is None:
                 data = self.train_data.take(plan[0])
@@ -252,7 +252,7 @@ class Trainer:
                     error.backward()
                     errors.append(float(error.detach()))
                     weights += weight
-                del feed  # before the next one is made
+                del feed  # frees its memory before the next feed is made
             gradient = torch.cat([p.grad.view(-1) for p in parameters if p.grad is not None])
             return math.fsum(errors) / weights, gradient.detach() / weights
 
@@ -284,7 +284,7 @@ class Trainer:
     def _check(
         self, step: int, epoch: float, clock: TrainingClock, share: float, rate: float
     ) -> float:
-        """Validate, keep what is best, report; the share of the budget at which to do so again."""
+        """Validate, keep the best weights, report; returns the budget share of the next check."""
         start = clock.seconds()
         error, weight = (math.fsum(column) for column in zip(*self._seen, strict=True))
         self._seen = []
@@ -314,7 +314,7 @@ class Trainer:
         return again
 
     def _identity(self) -> dict[str, Any]:
-        """What must not differ between a checkpoint and the run that resumes it."""
+        """Settings and data that must be equal in a checkpoint and in the run that resumes it."""
         data = (int(self.train_data.lengths.sum()), len(self.train_data.lengths))
         ours = dataclasses.asdict(self.config)
         for name in ("device", "threads"):
@@ -345,7 +345,7 @@ class Trainer:
 
 
 def mean_squared_error(network: Network, source: SequenceSource) -> float:
-    """Normalised error of the free run over whole missions, all counted samples."""
+    """Mean squared error, normalised, over the counted samples of whole missions."""
     errors, weights = np.zeros((2, len(source.lengths)))
     groups = groups_by_length(source.lengths)
     for places, data in zip(groups, ahead(source, groups), strict=True):

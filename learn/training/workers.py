@@ -1,9 +1,9 @@
-"""Workers: networks of a run trained side by side by an executor.
+"""Workers: train a run's networks with an executor, several at a time.
 
-A network is one task, which leaves its checkpoints and weights in the folder of its run. What it
-reports on the way goes through a file there too, so that any executor will do, one of another
-machine that reaches the folder by the same path as well. A task whose start has ended, by an
-interrupt say, ends at its next report: the word of that start is gone from the folder.
+A network is one task, which writes checkpoints and weights into the run's folder. Its reports go
+through a file in that folder, so any executor works, also on another machine that has the folder
+at the same path. The fit that submits the tasks writes a random word into the folder and removes
+it at its end. If the word is gone or differs, a task ends at its next report.
 """
 
 from __future__ import annotations
@@ -28,32 +28,32 @@ from twin.errors import TwinError
 from twin.records.storage.store_path import store_path
 
 POLL_S = 0.2
-"""[s] between looks for reports"""
+"""[s] Time between checks for new reports"""
 WORD = ".training"
-"""File in a run's folder with the word of the start that trains it"""
+"""File in a run's folder with the random word of the fit that trains the run"""
 REPORTS = ".reports"
 """Ending of the file with the reports of one network"""
-_ALONE = threading.Lock()
-"""Held by what trains: torch's random numbers and threads are those of the whole process"""
+_TRAINING_LOCK = threading.Lock()
+"""Lock of a training: torch's random state and thread count belong to the whole process"""
 
 
 @dataclasses.dataclass(frozen=True)
 class Task:
-    """A network to train."""
+    """Network to train, with its run's folder."""
 
     job: TrainingJob
     folder: Path
-    """Of its run"""
+    """Folder of the run"""
     resident: bool
-    """Keep its training data in memory"""
+    """True: keep the training data in memory"""
 
     @property
     def reports(self) -> Path:
-        """Where it reports."""
+        """File of the network's reports."""
         return self.folder / f".{self.job.name}{REPORTS}"
 
     def absolute(self) -> Task:
-        """The same with whole paths."""
+        """Copy of the task with absolute paths."""
         config = self.job.config
         start, places = config.start, map(store_path, config.stores)
         store, *more = [str(p.absolute() if isinstance(p, Path) else p) for p in places]
@@ -68,7 +68,7 @@ class Task:
 
 
 Kinds = tuple[dict[str, Any], dict[str, Any]]
-"""Networks and optimisers that users registered in this process, for the others"""
+"""Networks and optimisers that users registered in this process, to register in workers"""
 Seen = Callable[[Task, TrainingReport], None]
 Finished = Callable[[Task, TrainingReport | None], None]
 
@@ -76,14 +76,14 @@ Finished = Callable[[Task, TrainingReport | None], None]
 def train_tasks(
     tasks: Sequence[Task], resources: Resources, seen: Seen, finished: Finished
 ) -> None:
-    """Train all; an interrupt or an error ends them, their checkpoints stay.
+    """Train all tasks; an interrupt or an error ends them, and their checkpoints stay.
 
     Args:
-      seen: called here with every report of every network.
-      finished: called here when one is saved, with its last report; None: nothing was left to do.
+      seen: called in this process with every report of every network.
+      finished: called in this process when a network is saved, with its last report or None.
 
     Raises:
-      TwinError: what stopped one of them.
+      TwinError: a task has failed.
     """
     if resources.executor is None:
         for task in tasks:
@@ -94,7 +94,7 @@ def train_tasks(
             finished(task, train(task.job, task.folder, report, resident=task.resident))
         return
     word, kinds = uuid.uuid4().hex, (NETWORKS.registered(), OPTIMISERS.registered())
-    letters = {task: _Letters(task.reports) for task in tasks}
+    letters = {task: _ReportReader(task.reports) for task in tasks}
     folders = {task.folder for task in tasks}
     for folder in folders:
         (folder / WORD).write_text(word)
@@ -126,16 +126,16 @@ def train_tasks(
 
 
 def work(task: Task, word: str, kinds: Kinds) -> TrainingReport | None:
-    """Train one network, in whatever process an executor has.
+    """Train one network in a worker process.
 
     Raises:
-      TwinError: what stopped it, as one that travels between processes.
+      TwinError: the training failed; any other error becomes one, which can be pickled.
     """
     for registry, own in zip((NETWORKS, OPTIMISERS), kinds, strict=True):
         registry.adopt(own)
     try:
-        with _ALONE, task.reports.open("a") as file:
-            file.write("\n")  # a worker that was lost may have left half a line
+        with _TRAINING_LOCK, task.reports.open("a") as file:
+            file.write("\n")  # a killed worker may have left half a line
 
             def report(found: TrainingReport) -> None:
                 if _word_of(task.folder) != word:
@@ -146,14 +146,14 @@ def work(task: Task, word: str, kinds: Kinds) -> TrainingReport | None:
             return train(task.job, task.folder, report, resident=task.resident)
     except TwinError as error:
         raise type(error)(*error.args) from None
-    except Exception as error:  # carried to the parent, which alone may speak to the user
+    except Exception as error:  # passed to the parent process, which reports to the user
         raise TwinError(
             f"training of {task.job.name} failed: {type(error).__name__}: {error}"
         ) from None
 
 
 def _word_of(folder: Path) -> str:
-    """Empty where the start that wrote it has ended."""
+    """Word in a run's folder; empty if the fit that wrote it has ended."""
     try:
         return (folder / WORD).read_text()
     except OSError:
@@ -171,15 +171,15 @@ def _result(future: Future[TrainingReport | None], task: Task) -> TrainingReport
         ) from error
 
 
-class _Letters:
-    """The reports in a file, each once."""
+class _ReportReader:
+    """Reader of a file of reports, which returns each report once."""
 
     def __init__(self, path: Path) -> None:
         self._path, self._place = path, 0
-        path.unlink(missing_ok=True)  # of a start that was killed
+        path.unlink(missing_ok=True)  # left by a fit that was killed
 
     def new(self) -> list[TrainingReport]:
-        """Those that were written since the last time."""
+        """Reports written since the last call."""
         try:
             with self._path.open("rb") as file:
                 file.seek(self._place)
@@ -192,6 +192,6 @@ class _Letters:
         for line in text[:whole].splitlines():
             try:
                 found.append(TrainingReport(**json.loads(line)))
-            except ValueError:  # nothing, or what a lost worker did not finish
+            except ValueError:  # an empty line, or half a line of a killed worker
                 continue
         return found

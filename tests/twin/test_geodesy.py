@@ -6,7 +6,7 @@ import pymap3d.rcurve
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pymap3d.vincenty import vdist
+from pymap3d.vincenty import vdist, vreckon
 
 from twin.geodesy import (
     convergence,
@@ -15,6 +15,7 @@ from twin.geodesy import (
     normal_radius,
     offset,
     position,
+    to_tangent_plane,
     turn,
 )
 
@@ -66,15 +67,26 @@ def test_degrees_to_metres_and_back(latitude, up, right):
     assert back[1] == pytest.approx(10.0 + right, abs=4e-6)
 
 
-def test_tangent_planes_are_those_of_pymap3d():
-    """Within a metre, 28 km from the origin."""
-    rng = np.random.default_rng(0)
-    north, east = rng.uniform(-20e3, 20e3, (2, 50))
-    latitude, longitude = from_tangent_plane(north, east, 52.0, -16.0)
-    exact = pymap3d.ned2geodetic(north, east, np.zeros(50), 52.0, -16.0, 0.0)
+@given(st.floats(-85.0, 85.0), st.floats(-180.0, 180.0), st.floats(-3e5, 3e5), st.floats(-3e5, 3e5))
+def test_tangent_planes_are_those_of_pymap3d(latitude, longitude, north, east):
+    there = from_tangent_plane(np.array([north]), np.array([east]), latitude, longitude)
+    exact = pymap3d.ned2geodetic(north, east, 0.0, latitude, longitude, 0.0)
     metres = 111e3  # [m] in a degree
-    assert np.abs(latitude - exact[0]).max() * metres < 1.0
-    assert np.abs(longitude - exact[1]).max() * metres * np.cos(np.radians(52.0)) < 1.0
+    off = (there[1][0] - exact[1] + 180.0) % 360.0 - 180.0
+    assert abs(there[0][0] - exact[0]) * metres < 1e-3
+    assert abs(off) * metres * np.cos(np.radians(latitude)) < 1e-3
+    back = to_tangent_plane(float(there[0][0]), float(there[1][0]), latitude, longitude)
+    assert back == pytest.approx((north, east), abs=1e-3)
+
+
+def test_a_place_far_off_in_the_plane_is_where_the_geodesic_ends():
+    """86 km at 75 degree, where the meridians converge quickly; the plane is 4 m longer there."""
+    for bearing in np.arange(0.0, 360.0, 30.0):
+        n, e = 86e3 * np.cos(np.radians(bearing)), 86e3 * np.sin(np.radians(bearing))
+        there = from_tangent_plane(np.array([n]), np.array([e]), 75.0, 20.0)
+        end = vreckon(75.0, 20.0, 86e3, bearing)
+        apart, _ = vdist(*(float(value[0]) for value in there), *(float(v) for v in end))
+        assert apart < 86e3**3 / (3.0 * 6.36e6**2) + 0.5
 
 
 @given(st.floats(-70, 70), st.floats(-15e3, 15e3), st.floats(-15e3, 15e3))

@@ -1,4 +1,4 @@
-"""The command line: programs, options, text and JSON answers."""
+"""Command line: programs, options, text and JSON answers."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Console: what a command says, as text for people or exactly one JSON object; its progress.
+"""Console: output of a command, as text for people or exactly one JSON object, and its progress.
 
 Standard output carries the answer, standard error everything else (progress, notes, warnings,
 errors). With `--json` the answer is one JSON object and the human text is left out.
@@ -21,12 +21,12 @@ from twin.cli.text_table import format_number, format_paragraph, printable
 if TYPE_CHECKING:
     from tqdm import tqdm
 
-LINE_INTERVAL_S = 30.0  # seconds between two lines when standard error is a file or a pipe
+LINE_INTERVAL_S = 30.0  # [s] between progress lines when standard error is a file or a pipe
 
 
 @dataclass(frozen=True, kw_only=True)
 class JsonOption:
-    """Base of the commands that print figures: adds `--json`."""
+    """Base of the commands that print numbers: adds `--json`."""
 
     json: bool = False
     """Print one JSON object on standard output and nothing else there."""
@@ -35,8 +35,8 @@ class JsonOption:
 class Console:
     """Output of one command.
 
-    `prog` is the program's name in front of notes and errors. `json` tells whether the answer is
-    the JSON object; `answer` then collects it, and the dispatcher prints it when the command ends.
+    `prog` is the program's name in front of warnings and errors. With `json` the answer is one JSON
+    object: `answer` collects its members, and `finish` prints it when the command ends.
     """
 
     def __init__(self, prog: str, *, json: bool = False) -> None:
@@ -46,23 +46,23 @@ class Console:
         self._answer: dict[str, Any] | None = None
 
     def say(self, text: str = "") -> None:
-        """One paragraph of the answer for people; left out with `--json`."""
+        """Print one paragraph of the answer for people; nothing with `--json`."""
         if not self.json:
             self._write(text + "\n")
 
     def table(
         self, rows: Sequence[Mapping[str, object]], *, title: str = "", digits: int = 4
     ) -> None:
-        """The rows as a table with one column per key; left out with `--json`."""
+        """Print the rows as a table with one column per key; nothing with `--json`."""
         heading = "\n".join(map(format_paragraph, title.split("\n"))) + "\n" if title else ""
         self.say(heading + text_table.format_table(rows, digits=digits))
 
     def item(self, text: str) -> None:
-        """One item of a list of sentences, wrapped; left out with `--json`."""
+        """Print one item of a list of sentences, wrapped; nothing with `--json`."""
         self.say(format_paragraph(f"- {text}", indent="  "))
 
     def pairs(self, pairs: Mapping[str, object], *, title: str = "", digits: int = 4) -> None:
-        """Name and value on each line, aligned; left out with `--json`."""
+        """Print name and value on each line, aligned; nothing with `--json`."""
         self.say((f"{title}\n" if title else "") + text_table.format_pairs(pairs, digits=digits))
 
     def answer(self, **figures: object) -> None:
@@ -74,28 +74,28 @@ class Console:
         self._answer = {**(self._answer or {}), **{k: to_json(v) for k, v in figures.items()}}
 
     def note(self, text: str) -> None:
-        """A line on standard error that is not part of the answer."""
-        self._flush()  # a terminal shows both streams: keep the order in which things were said
+        """Print a line on standard error that is not part of the answer."""
+        self._flush()  # a terminal shows both streams: keep the order of the lines
         try:
             sys.stderr.write(printable(text) + "\n")
             sys.stderr.flush()
-        except OSError:  # nowhere is left to say it; the exit code still does
+        except OSError:  # no stream is left to report on; the exit code still tells
             discard(sys.stderr)
 
     def warn(self, text: str) -> None:
-        """A warning on standard error, one line."""
+        """Print a warning on standard error, one line."""
         self.note(f"{self.prog}: warning: {one_line(text)}")
 
     def error(self, text: str) -> None:
-        """An error on standard error, one line."""
+        """Print an error on standard error, one line."""
         self.note(f"{self.prog}: error: {one_line(text)}")
 
     def progress(self, *, total: float, label: str, unit: str) -> Progress:
-        """Progress on standard error, a context manager: see `Progress`."""
+        """Make a context manager that shows progress on standard error: see `Progress`."""
         return Progress(total=total, label=label, unit=unit)
 
     def finish(self, error: Mapping[str, object] | None = None) -> None:
-        """Print the JSON object if there is to be one, and flush.
+        """Print the JSON object with `--json`, and flush.
 
         Raises:
             RuntimeError: the command offers `--json` and ended well without an answer.
@@ -120,14 +120,14 @@ class Console:
             self._give_up(error)
 
     def _give_up(self, error: OSError) -> None:
-        """After this, what is said goes nowhere: a full disk is told once, as an error."""
+        """Discard all later output; raise the error once unless the reader closed the pipe."""
         discard(self._out)
         if not isinstance(error, BrokenPipeError):
             raise error
 
 
 class Runnable(Protocol):
-    """An instance of a subcommand's dataclass."""
+    """Instance of a subcommand's dataclass."""
 
     def run(self, console: Console) -> int:
         """Do the work and return the exit code."""
@@ -135,9 +135,9 @@ class Runnable(Protocol):
 
 
 def discard(stream: IO[str]) -> None:
-    """Let what is still said go nowhere.
+    """Redirect a stream to the null device.
 
-    `twin ... | head` closes the pipe early. The work itself must still come to its end, and the
+    `twin ... | head` closes the pipe early. The command must still finish its work, and the
     interpreter's own flush at exit must not fail.
     """
     nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -146,15 +146,15 @@ def discard(stream: IO[str]) -> None:
 
 
 def one_line(text: str) -> str:
-    """The text with every run of white space, line breaks too, as one blank."""
+    """Replace every run of white space, including line breaks, by one blank."""
     return " ".join(text.split())
 
 
 def to_json(value: object) -> Any:
-    """The value as JSON can hold it; NaN and infinities as None, rounding noise and -0.0 as 0.0.
+    """Convert a value for JSON: NaN and infinities to None, rounding noise and -0.0 to 0.0.
 
     Raises:
-        TypeError: the value is of a kind that has no JSON form here.
+        TypeError: the value's type has no JSON form here.
     """
     if value is None or isinstance(value, bool | int | str):
         return value
@@ -170,7 +170,7 @@ def to_json(value: object) -> Any:
         return str(value)
     if is_dataclass(value) and not isinstance(value, type):
         return to_json(asdict(value))
-    # NumPy scalars and arrays, recognised by what they can do so that NumPy is not imported here.
+    # NumPy scalars and arrays are recognised by their method, so that NumPy is not imported here.
     tolist = getattr(value, "tolist", None)
     if callable(tolist):
         return to_json(tolist())
@@ -180,8 +180,8 @@ def to_json(value: object) -> Any:
 class Progress:
     """Progress on standard error; a context manager.
 
-    On a terminal it is a bar that is redrawn. Otherwise (a log file, a pipe) it is one line every
-    `interval_s` seconds, and a task that is over before the first one prints nothing.
+    A terminal shows a bar that is redrawn. A log file or a pipe gets one line every `interval_s`
+    seconds; a task that ends before the first line prints nothing.
 
         with console.progress(total=10.0, label="generate", unit="h") as progress:
             progress.update(0.75, missions=1)
@@ -197,8 +197,8 @@ class Progress:
         interval_s: float = LINE_INTERVAL_S,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """`total` is in `unit`, or an empty one where only the share that is done means anything;
-        `clock` gives seconds and is replaced in tests.
+        """Start at zero; `total` is in `unit`. With an empty `unit` only the percentage is shown.
+        `clock` returns seconds; tests replace it.
         """
         self.total, self.label, self.unit, self.done = total, label, unit, 0.0
         self._stream = sys.stderr if stream is None else stream
@@ -229,7 +229,7 @@ class Progress:
             self._print_line()
 
     def update(self, amount: float = 1.0, **figures: object) -> None:
-        """Add `amount` to what is done; `figures` (a loss, a count) are shown beside it."""
+        """Advance by `amount`; `figures` (a loss, a count) are shown beside the progress."""
         self.done += amount
         self._figures.update({name: format_number(value, 3) for name, value in figures.items()})
         if self._bar is not None:
@@ -240,14 +240,14 @@ class Progress:
             self._print_line()
 
     def note(self, text: str) -> None:
-        """A line of its own, without breaking the bar."""
+        """Print a line without breaking the bar."""
         if self._bar is not None:
             self._bar.write(text, file=self._stream)
         else:
             self._write(text)
 
     def line(self) -> str:
-        """The present state in words."""
+        """Text of the present state, one line."""
         elapsed = self._clock() - self._start
         share = f"{100.0 * self.done / self.total:.0f} %" if self.total > 0.0 else ""
         done = f"{format_number(self.done, 3)} of {format_number(self.total, 3)} {self.unit}"
@@ -271,7 +271,7 @@ class Progress:
 
 
 def format_duration(seconds: float) -> str:
-    """Hours, minutes and seconds, e.g. `1:02:05` or `0:07`."""
+    """Format seconds as hours, minutes and seconds, e.g. `1:02:05` or `0:07`."""
     minutes, second = divmod(round(seconds), 60)
     hours, minute = divmod(minutes, 60)
     return f"{hours}:{minute:02d}:{second:02d}" if hours else f"{minute}:{second:02d}"

@@ -1,7 +1,7 @@
-"""Options: types of options that several commands have, and what their words mean.
+"""Options: types and parsers of options that several commands share.
 
-A store as the user names it, by a path or by an address; an engine; missions; a plot; numbers by
-name; durations, times that a person types, as 90min, 6h or 2d, or as a number in the option's unit.
+They are: a store by path or address; an engine; mission numbers; a plot's path; numbers by name;
+and durations, typed as 90min, 6h or 2d, or as a bare number in the option's unit.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ StoreArgument = Annotated[
 """Type of an argument: the path of a folder, or s3://BUCKET/NAME, gs://... or az://..."""
 PLOT_FORMATS = (".png", ".pdf", ".svg")
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
-"""[s] of each unit that can stand behind a number"""
+"""[s] Length of each unit that may follow a number"""
 METAVAR = "DURATION"  # name of a duration in a help text
 _WRITTEN = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*([a-z]*)", re.IGNORECASE)
 NONE = "is no duration: give a number with s, min, h or d, such as 6h or 90min; a bare number is in"
@@ -39,7 +39,7 @@ SPELLED = {
     "s": "s", "sec": "s", "second": "s", "min": "min", "minute": "min", "h": "h", "hr": "h",
     "hour": "h", "d": "d", "day": "d", "week": None, "month": None, "year": None,
 }  # fmt: skip
-"""Words for a time, without the s of many, and the unit that each is, if any"""
+"""Words for units of time, in the singular, and the unit that each means; None: not accepted"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -47,13 +47,13 @@ class EngineOption:
     """Base of the commands that fly missions: adds `--engine`."""
 
     engine: Literal["mujoco", "lanes"] = "mujoco"
-    """what flies: mujoco, the twin; or lanes, the Fossen model for many vehicles side by side,
-    which feels no contact and runs no Python between its steps. docs/howto/lanes.md compares them
+    """physics engine: mujoco, the twin; or lanes, the batched Fossen model for many vehicles,
+    without contacts and without Python between its steps. docs/howto/lanes.md compares them
     """
 
 
 def parse_rows(text: str) -> list[int] | None:
-    """Mission numbers of a text such as "0-11,14"; None for "all".
+    """Parse mission numbers from a text such as "0-11,14"; None for "all".
 
     Raises:
       InputError: the text does not follow the form.
@@ -73,7 +73,7 @@ def parse_rows(text: str) -> list[int] | None:
 
 
 def check_plot_path(path: Path | None) -> None:
-    """Refuse a plot that could not be written before anything is flown; raises InputError."""
+    """Raise InputError for a plot that could not be written, before anything is flown."""
     if path is None:
         return
     if path.suffix.lower() not in PLOT_FORMATS or path.is_dir():
@@ -85,10 +85,10 @@ def check_plot_path(path: Path | None) -> None:
 
 
 def parse_numbers(option: str, texts: Sequence[str], what: str) -> dict[str, float]:
-    """Numbers by name, of texts such as "mass=70" or "rudder=0.1,elevator=0".
+    """Parse numbers by name, from texts such as "mass=70" or "rudder=0.1,elevator=0".
 
     Raises:
-      InputError: a text is not names with finite numbers, or gives a name twice.
+      InputError: a text is no list of names with finite numbers, or gives a name twice.
     """
     numbers: dict[str, float] = {}
     for text in ",".join(texts).split(",") if texts else ():
@@ -106,14 +106,14 @@ def parse_numbers(option: str, texts: Sequence[str], what: str) -> dict[str, flo
 
 
 def duration(text: str, unit: str) -> float:
-    """A duration in a unit.
+    """Parse a duration and convert it to a unit.
 
     Args:
-      text: such as 6h, 90min, 45s or 2d; a bare number is in `unit`.
-      unit: s, min, h or d.
+      text: duration such as 6h, 90min, 45s or 2d; a bare number is in `unit`.
+      unit: unit of the result: s, min, h or d.
 
     Raises:
-      InputError: no number, or another unit.
+      InputError: the text has no number, or another unit.
     """
     found = _read(text, unit)
     if found is None:
@@ -130,11 +130,11 @@ def _read(text: str, unit: str) -> float | None:
 
 
 def apart(number: str, word: str) -> str | None:
-    """Message for a duration that was typed as two words; None where they are none.
+    """Message for a duration that was typed as two words; None if the two are no duration.
 
     Args:
-      number: what was given as a duration.
-      word: what was typed behind it, such as weeks.
+      number: first word, given as the duration.
+      word: second word, such as weeks.
     """
     found = _WRITTEN.fullmatch(number)
     spoken = word.lower()
@@ -151,7 +151,7 @@ def apart(number: str, word: str) -> str | None:
 
 def _typed(word: str, unit: str) -> float:
     if word.strip().lower() in ("nan", "inf", "-inf"):
-        return float(word)  # whoever takes the duration says what it may be
+        return float(word)  # the command that uses the duration checks its range
     found = _read(word, unit)
     if found is None:  # the parser's own message names the option
         raise ValueError(f"{word!r} {NONE} {unit}")
@@ -169,6 +169,6 @@ def _option(unit: str) -> PrimitiveConstructorSpec[float]:
 
 
 Seconds = Annotated[float, _option("s")]
-"""Type of an option: [s]; a bare number is in seconds"""
+"""Type of an option: a duration [s]; a bare number is in seconds"""
 Hours = Annotated[float, _option("h")]
-"""Type of an option: [h]; a bare number is in hours"""
+"""Type of an option: a duration [h]; a bare number is in hours"""

@@ -1,7 +1,7 @@
-"""Parsing: command-line words into the dataclass of a subcommand, with errors of one line.
+"""Parsing of command-line words into the dataclass of a subcommand, with errors of one line.
 
-What is wrong is said from the options of the dataclass and their docstrings. A shell completes the
-words of a program by a script that tyro writes.
+Error messages use the dataclass's options and their docstrings. `completion` returns tyro's script
+by which a shell completes the words of a program.
 """
 
 from __future__ import annotations
@@ -30,9 +30,8 @@ from twin.cli.options import METAVAR, apart
 from twin.errors import InputError, TwinError, nearest, unknown_name
 from twin.records.storage.store_path import MARK, check_addresses
 
-# The structured parse errors and the texts of fields are not in tyro's public face, and
-# pyproject.toml bounds its version for that reason; tests/twin/cli/test_console.py pins what is
-# made from them.
+# tyro's structured parse errors and texts of fields are private. So pyproject.toml bounds its
+# version, and tests/twin/cli/test_console.py pins the messages that are made from them.
 
 MARKERS = (tyro.conf.FlagCreatePairsOff, tyro.conf.DisallowNone)
 """One flag per switch (no `--no-json`), and no literal None: an option is left out instead."""
@@ -45,7 +44,7 @@ SHELLS = ("bash", "zsh", "fish")
 
 
 def parse_options(command: type[Options], *, prog: str, words: Sequence[str]) -> Options | None:
-    """An instance of `command` from the words after its name; None when help was printed.
+    """Make an instance of `command` from the words after its name; None when help was printed.
 
     Raises:
         TwinError: from the dataclass's own checks.
@@ -79,16 +78,16 @@ def parse_options(command: type[Options], *, prog: str, words: Sequence[str]) ->
 
 
 def prepare(command: type[Any], *, texts: bool) -> None:
-    """Make a dataclass readable for tyro; `texts` joins the lines of its options too.
+    """Change a dataclass's annotations for tyro; with `texts`, join the lines of help texts too.
 
-    `X | None` becomes `typing.Union[X, None]`: tyro loads typeguard (and with it asyncio) for the
-    first, which costs 80 ms, a third of what a help text may take.
+    `X | None` becomes `typing.Union[X, None]`: for `X | None` tyro loads typeguard (and with it
+    asyncio), which costs 80 ms, a third of the time that a help text may take.
 
     "(default: None)" and a switch's "(default: False)" are left out of the help: an option's text
-    says what happens without it, and a switch that is not given is off.
+    says what happens without the option, and a switch that is not given is off.
 
-    tyro 1.0 joins the lines of a docstring before it takes their indentation away, and so keeps
-    every line break of the source; in one line, it wraps them to the terminal.
+    tyro 1.0 joins a docstring's lines before it removes their indentation, and so keeps every line
+    break of the source. A text that is one line is wrapped to the terminal.
     """
     hints = typing.get_type_hints(command, include_extras=True)
     for owner in command.__mro__:
@@ -110,7 +109,7 @@ def prepare(command: type[Any], *, texts: bool) -> None:
 
 
 class _HelpText(io.StringIO):
-    """A help text on its way to a stream, whose colours and lines tyro draws as it can show."""
+    """Buffer for a help text with its stream's encoding and `isatty`, which tyro adapts to."""
 
     def __init__(self, stream: typing.TextIO) -> None:
         super().__init__()
@@ -125,10 +124,10 @@ class _HelpText(io.StringIO):
 
 
 def _wrapped(text: str) -> str:
-    """The text with its paragraphs wrapped to the terminal; tyro wraps those in boxes only.
+    """Wrap a help text's paragraphs to the terminal; tyro itself wraps only the text in boxes.
 
-    Examples are indented and stay on one line. tyro writes the brackets of a list of arguments that
-    may be absent twice; here they stand once.
+    Examples are indented and stay on one line. tyro doubles the brackets of an optional list of
+    arguments; here they stand once.
     """
     text = re.sub(r"\[(\[\w+ \[\w+ \.\.\.\]\])\]", r"\1", text)
     width = min(shutil.get_terminal_size().columns, WIDEST)
@@ -140,9 +139,9 @@ def _wrapped(text: str) -> str:
 
 
 def description(command: type) -> str:
-    """Description of a command by its docstring: a line a paragraph, examples as they stand.
+    """Description of a command from its docstring: one line for a paragraph, examples unchanged.
 
-    tyro's own reading loses the indentation of an example that follows the first paragraph.
+    tyro's own reader loses the indentation of an example that follows the first paragraph.
     """
     paragraphs = inspect.cleandoc(command.__doc__ or "").split("\n\n")
     return "\n\n".join(
@@ -160,14 +159,14 @@ def _spelled_out(kind: typing.Any) -> typing.Any:
 
 
 def _own_error(error: BaseException | None) -> TwinError | None:
-    """The project's error behind tyro's, if there is one: it knows best what to say."""
+    """Find the project's own error that caused tyro's, for its better message; None without one."""
     while error is not None and not isinstance(error, TwinError):
         error = error.__cause__ or error.__context__
     return error
 
 
 def option_names(command: type) -> Iterator[str]:
-    """The option names of a dataclass, those of nested dataclasses with their prefix."""
+    """Option names of a dataclass; names of nested dataclasses have a prefix."""
     hints = typing.get_type_hints(command)
     for field in dataclasses.fields(command):
         kind = hints[field.name]
@@ -175,7 +174,7 @@ def option_names(command: type) -> Iterator[str]:
         if isinstance(kind, type) and dataclasses.is_dataclass(kind):
             yield from (f"{flag}.{inner[2:]}" for inner in option_names(kind))
         else:
-            yield flag.rstrip("-")  # from_, since from is a word of Python
+            yield flag.rstrip("-")  # a field is called from_, since from is a keyword of Python
 
 
 def option_text(command: type, name: str) -> str | None:
@@ -185,18 +184,18 @@ def option_text(command: type, name: str) -> str | None:
 
 
 def option_owner(command: type, name: str) -> type:
-    """The class that declares a field."""
+    """Class that declares a field."""
     return next(c for c in command.__mro__ if name in vars(c).get("__annotations__", {}))
 
 
 def option_field(command: type, flag: str) -> str | None:
-    """The field that an option sets; None where there is none of that name."""
+    """Field that an option sets; None where no field has that name."""
     fields = {f.name.strip("_"): f.name for f in dataclasses.fields(command)}
     return fields.get(flag.strip("-").replace("-", "_").lower())
 
 
 def option_meaning(command: type, flag: str) -> str:
-    """The first clause of an option's text, such as its unit; empty where there is none."""
+    """First clause of an option's help text; empty for an option without text."""
     name = option_field(command, flag)
     text = (option_text(command, name) or "") if name is not None else ""
     for end in (";", ". ", ": ", " [default"):
@@ -205,7 +204,7 @@ def option_meaning(command: type, flag: str) -> str:
 
 
 def explain(event: parse_errors.ParseErrorEvent, command: type, words: Sequence[str]) -> str:
-    """Message for an event of the parser about the options of `command`, given as `words`."""
+    """Message of one line for a parse error in the `words` of a command."""
     if isinstance(event, parse_errors.UnrecognizedArgs):
         return _unknown_option(event.tokens, command, words)
     if isinstance(event, parse_errors.MissingArgs):
@@ -231,7 +230,7 @@ def explain(event: parse_errors.ParseErrorEvent, command: type, words: Sequence[
 def _bad_value(
     event: parse_errors.InstantiationFailure, command: type, words: Sequence[str]
 ) -> str:
-    """A value that cannot be made one of the option's kind."""
+    """Message for a value that cannot be converted to the option's type."""
     if event.argument is None:
         return event.message
     name = event.argument.display_name()
@@ -244,7 +243,7 @@ def _bad_value(
 
 
 def number_kind(annotation: object) -> type | None:
-    """int or float where an option takes numbers of that kind only; None else."""
+    """Return int or float if an option takes only numbers of that type, else None."""
     parts = typing.get_args(annotation)
     if not parts:
         return annotation if annotation in KINDS else None
@@ -253,7 +252,7 @@ def number_kind(annotation: object) -> type | None:
 
 
 def _given(words: Sequence[str], option: str) -> list[str]:
-    """The words that follow an option, up to the next one."""
+    """Words that follow an option, up to the next option."""
     given: list[str] = []
     mine = False
     for word in words:
@@ -275,15 +274,15 @@ def _is(kind: type, word: str) -> bool:
 
 
 def _with_meaning(told: str, command: type) -> str:
-    """The line with the option's meaning behind it, so that its unit is seen."""
+    """Append the option's meaning to a message that begins with the option, to show its unit."""
     meaning = option_meaning(command, told.split()[0])
     return f"{told}: {meaning}" if meaning else told
 
 
 def split_duration(command: type, words: Sequence[str]) -> str | None:
-    """Message for a duration that is two words, such as --hours 6 weeks; None without one.
+    """Message for a duration that is two words, such as --hours 6 weeks; None if there is none.
 
-    Otherwise the second word would be taken for a mission, a store or whatever stands alone.
+    Without this check the second word would be taken for a positional argument, such as a store.
     """
     hints = typing.get_type_hints(command, include_extras=True)
     parts = [word for given in words for word in given.split("=", 1)]
@@ -316,15 +315,15 @@ def _unknown_option(tokens: Sequence[str], command: type, words: Sequence[str]) 
 def completion(
     program: str, summary: str, commands: Iterable[tuple[str, str, type[Any]]], shell: str
 ) -> str:
-    """The script that a shell sources to complete commands, options, choices and files.
+    """Make the script that a shell sources to complete commands, options, choices and files.
 
     Args:
-      program: its name; summary: what it is for.
-      commands: name, summary and dataclass of each.
+      program: name of the program; summary: its purpose.
+      commands: name, summary and dataclass of each command.
       shell: one of `SHELLS`.
 
     Raises:
-      InputError: another shell.
+      InputError: unknown shell.
     """
     if shell not in SHELLS:
         raise InputError(unknown_name("shell", shell, SHELLS))
@@ -336,5 +335,5 @@ def completion(
     with contextlib.redirect_stdout(script), contextlib.suppress(SystemExit):
         kind: Any = Union[tuple(known)]  # noqa: UP007 - of a tuple
         tyro.cli(kind, prog=program, description=summary, args=words, config=MARKERS)
-    # a word that is no option, such as a store's, is a file's
+    # complete every other word, such as a store, as the name of a file
     return script.getvalue().replace("complete -F", "complete -o default -F")

@@ -1,4 +1,4 @@
-"""The machinery behind `twin`, `factory` and `learn`: subcommands, exit codes, errors.
+"""Programs `twin`, `factory` and `learn`: dispatch of subcommands, exit codes, errors, signals.
 
 A subcommand is a frozen dataclass in a light module of its own, whose fields are the options and
 whose `run(console)` imports what it needs and returns the exit code:
@@ -12,12 +12,12 @@ whose `run(console)` imports what it needs and returns the exit code:
 
         def run(self, console: Console) -> int: ...
 
-It is registered by name, summary and the place to import it from, so that `--help` of the program
+A subcommand is registered by name, summary and import place, so that `--help` of the program
 imports no subcommand, and `--help` of a subcommand only its own module.
 
-A plugin brings subcommands by entry points of the group `glider_twin.commands`, as `twin.serve`.
-The table of a program names those of this project's own plugins, so that `--help` looks nothing up
-and whoever lacks a plugin reads how to install it.
+A plugin brings subcommands by entry points of the group `glider_twin.commands`, such as
+`twin.serve`. A program's table also names the subcommands of this project's own plugins: `--help`
+needs no lookup, and a user without the plugin reads how to install it.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ COMMANDS = "glider_twin.commands"  # group of the entry points that bring subcom
 TRACEBACK_VARIABLE = "TWIN_TRACEBACK"
 """Environment variable that, when set to 1, adds the traceback to every error."""
 PROGRAMS = ("twin", "factory", "learn")
-"""The programs of the installation: packages, each with a `PROGRAM` in `__main__`"""
+"""Programs of the installation: packages, each with a `PROGRAM` in `__main__`"""
 NAMED_WRONGLY = (
     *(FileNotFoundError, FileExistsError, NotADirectoryError, IsADirectoryError),
     *(PermissionError, OddFile),
 )
 NO_PLACES = (errno.ENAMETOOLONG, errno.ELOOP, errno.EROFS)
-"""Errors of a path that the user named wrongly: bad input; a full disk, say, is a failure"""
+"""Numbers of errors that mean a wrong path, so bad input; others, as a full disk, are failures"""
 WORDS = {
     signal.SIGINT: "interrupted",
     signal.SIGTERM: "ended by SIGTERM",
@@ -68,22 +68,22 @@ WORDS = {
 
 @dataclass(frozen=True, kw_only=True)
 class ProgramCommand:
-    """A subcommand, known by name until it is called."""
+    """A subcommand, whose module is imported only when it is called."""
 
     name: str
-    """What the user types."""
+    """Word that the user types."""
     summary: str
     """One line for the program's help."""
     loader: str
-    """Where its dataclass is: `package.module:Class`, or a plugin's entry point, `twin.serve`."""
+    """Place of its dataclass: `package.module:Class`, or a plugin's entry point, `twin.serve`."""
     plugin: str = ""
-    """Folder of `plugins/` that brings it; empty for a subcommand of the package."""
+    """Folder below `plugins/` that brings the subcommand; empty for one of the package."""
 
     def load(self) -> type[Runnable]:
         """Import the subcommand's dataclass.
 
         Raises:
-          InputError: its plugin is not installed, of another version or cannot be imported.
+          InputError: its plugin is not installed, has another version or cannot be imported.
         """
         typed, point = self.loader.replace(".", " "), None
         if self.plugin and (point := entry_point(COMMANDS, self.loader)) is None:
@@ -98,15 +98,15 @@ class ProgramCommand:
 
     @property
     def installed(self) -> bool:
-        """Whether its plugin is there."""
+        """True if the subcommand's plugin is installed, or it needs none."""
         return not self.plugin or entry_point(COMMANDS, self.loader) is not None
 
 
 def commands_of(package: str, table: Mapping[str, tuple[str, str]]) -> tuple[ProgramCommand, ...]:
-    """Subcommands by name: the class of each in the package's module of that name, its summary.
+    """Make subcommands from a table: name to class and summary.
 
-    A class elsewhere is given as `module:Class` of the package, or as `package.module:Class`;
-    `plugins/NAME` stands for a plugin.
+    The class is in the package's module of the subcommand's name. A class elsewhere is given as
+    `module:Class` of the package, or as `package.module:Class`; `plugins/NAME` means a plugin.
     """
     program = package.partition(".")[0]
     found = []
@@ -125,16 +125,16 @@ class Program:
     """One of the three programs."""
 
     name: str
-    """What the user types."""
+    """Word that the user types."""
     summary: str
-    """Its purpose, one line."""
+    """Purpose of the program, one line."""
     commands: tuple[ProgramCommand, ...]
-    """Its subcommands, in the order of the help."""
+    """Subcommands, in the order of the help."""
     needs: Callable[[], None] = lambda: None
-    """Called before a command is imported; raises when something is not installed."""
+    """Check that runs before a command is imported; raises when a package is not installed."""
 
     def help(self) -> str:
-        """The text of `--help`."""
+        """Text of `--help`."""
         width = max((len(command.name) for command in self.commands), default=0)
         listing = ""
         for plugin in dict.fromkeys(command.plugin for command in self.commands):
@@ -156,14 +156,14 @@ class Program:
     def main(self, arguments: Sequence[str] | None = None) -> int:
         """Run the command line (default: the process's own) and return the exit code."""
         words = list(sys.argv[1:] if arguments is None else arguments)
-        # Read when numpy and torch are imported. Matrices here are small, networks train in one
-        # thread each, and threads that wait for each other cost many times what they bring.
+        # numpy and torch read this at import. Matrices here are small and each network trains in
+        # one thread; more threads would wait for each other and cost more than they gain.
         os.environ.setdefault("OMP_NUM_THREADS", "1")
-        for name in ("stdout", "stderr"):  # a closed one (`twin ... >&-`) swallows what is written
+        for name in ("stdout", "stderr"):  # a closed stream (`twin ... >&-`) discards all output
             if getattr(sys, name) is None:
                 stream = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - stays open
                 setattr(sys, name, stream)
-        # Bad options are reported before they are parsed, so --json is looked for in the raw words.
+        # Errors in options are reported before parsing ends, so --json is sought in the raw words.
         console = Console(self.name, json="--json" in words)
         with Endings() as endings:
             try:
@@ -175,9 +175,9 @@ class Program:
             except (KeyboardInterrupt, Exception) as error:
                 if (interrupt := interruption(error)) is None:
                     return _fail(console, error, *describe_error(error))
-                # the store library leaves a coroutine behind, and Python would say so
+                # the store library leaves a coroutine behind, of which Python would warn
                 warnings.filterwarnings("ignore", "coroutine .* was never awaited", RuntimeWarning)
-                compiled = interrupt is not error  # and has no words of its own
+                compiled = interrupt is not error  # raised in compiled code, without a text
                 state = "it came in compiled code" if compiled else "nothing half-written is left"
                 text = str(interrupt) or f"{state}; give the command again"
                 return _fail(console, interrupt, f"{endings.word}: {text}", endings.code)
@@ -225,14 +225,14 @@ class Program:
         chosen = by_name[first].load()
         try:
             options = parse_options(chosen, prog=f"{self.name} {first}", words=rest)
-        except BrokenPipeError:  # of the help text, by `| head`
+        except BrokenPipeError:  # the help text's reader, such as `| head`, has closed the pipe
             discard(sys.stdout)
             return None
         if options is None:
             Console("").finish()
             return None
         console.json = bool(getattr(options, "json", False))
-        # With --json the answer owns standard output: a library that prints must not spoil it.
+        # With --json only the answer may go to standard output, not a library's prints.
         aside = contextlib.redirect_stdout(sys.stderr) if console.json else contextlib.nullcontext()
         with aside, warnings.catch_warnings():
             warnings.showwarning = lambda message, *_, **__: console.warn(str(message))
@@ -240,7 +240,7 @@ class Program:
 
 
 def _programs_with(command: str) -> list[str]:
-    """The programs that have a command of that name."""
+    """Names of the programs that have a command of that name."""
     from importlib import import_module
 
     found = []
@@ -269,7 +269,7 @@ def _fail(console: Console, error: BaseException, text: str, code: int) -> int:
 
 
 def describe_error(error: BaseException) -> tuple[str, int]:
-    """One line and the exit code: a user never gets a traceback."""
+    """Message of one line and exit code for an error, in place of a traceback."""
     if isinstance(error, TwinError):
         return str(error), error.exit_code
     if isinstance(error, OSError):
@@ -282,15 +282,15 @@ def describe_error(error: BaseException) -> tuple[str, int]:
 
 
 def interruption(error: BaseException) -> KeyboardInterrupt | None:
-    """The interruption that an error hides, or None.
+    """Find the interruption (such as Ctrl-C) that an error hides; None if there is none.
 
-    A signal that arrives while compiled code calls Python leaves its exception set behind a result.
-    Python then raises a SystemError with the interruption as its cause, and another one at each
-    caller that is compiled too.
+    If a signal arrives while compiled code calls Python, the call returns a result and leaves an
+    exception set. Python then raises a SystemError with the interruption as its cause, and another
+    SystemError at each compiled caller.
 
     Args:
-      error: what ended a command. Only behind a SystemError does an interruption count: an error of
-        what tidies up after one is told as itself.
+      error: exception that ended a command. An interruption counts only if it is `error` itself or
+        the cause of a SystemError. Any other error, such as one of cleaning up, is reported.
     """
     one: BaseException | None = error
     compiled = False
@@ -305,14 +305,14 @@ def interruption(error: BaseException) -> KeyboardInterrupt | None:
 
 
 class Ended(KeyboardInterrupt):
-    """A signal ended the program that is not Ctrl-C's."""
+    """A signal other than Ctrl-C's ended the program."""
 
 
 class Endings:
-    """A context in which SIGTERM and SIGHUP end the program as Ctrl-C does.
+    """Context in which SIGTERM and SIGHUP end the program as Ctrl-C does.
 
-    A signal that is ignored, as SIGHUP under nohup, or that somebody else handles, is left alone.
-    Processes that this one forks end at once by them, as they would without.
+    A signal that is ignored (SIGHUP under nohup) or has another handler already is left alone.
+    Forked child processes end at once by these signals, as they would without this context.
     """
 
     def __init__(self) -> None:
@@ -322,7 +322,7 @@ class Endings:
 
     @property
     def word(self) -> str:
-        """Word for the ending."""
+        """Words for the ending in the error message."""
         return WORDS[self._signal]
 
     @property
@@ -343,7 +343,7 @@ class Endings:
             signal.signal(one, signal.SIG_DFL)
 
     def _end(self, number: int, frame: FrameType | None) -> None:
-        if os.getpid() != self._process:  # a forked process ends by it without a word
+        if os.getpid() != self._process:  # a forked process ends by the signal, without a message
             signal.signal(number, signal.SIG_DFL)
             os.kill(os.getpid(), number)
             return

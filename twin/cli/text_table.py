@@ -1,4 +1,4 @@
-"""Figures as aligned text for a terminal."""
+"""Text tables: numbers, tables, pairs and paragraphs as aligned text for a terminal."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 
 WIDEST, NARROWEST_TEXT, GAP = 100, 10, "  "
-"""Columns that tables and paragraphs keep to, and that a column of text keeps when a wide table is
-folded; what is between columns."""
-MISSING = "-"  # stands where there is no value: None or NaN
+"""[character] Largest width of tables and paragraphs, and smallest width of a text column when a
+wide table is folded; the gap between columns."""
+MISSING = "-"  # shown for None or NaN
 SMALLEST_PLAIN, LARGEST_PLAIN = 1e-4, 1e7
-"""Magnitudes below and from which a number is written with an exponent."""
+"""Numbers below the first or from the second magnitude on are written with an exponent."""
 NEGLIGIBLE = 1e-15
-"""Magnitude below which a figure in SI units or degrees is rounding noise, shown as 0."""
+"""Magnitude below which a number in SI units or degrees is rounding noise, shown as 0."""
 UNPRINTED = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 
 
 def printable(text: str) -> str:
-    r"""A text with every character that moves a terminal's cursor, or turns its text about, as an
-    escape: what stands in a log's header or in a file's name is shown, and does nothing.
+    r"""Escape every character that could move a terminal's cursor or reverse its text. So foreign
+    text, such as a log's header or a file's name, is shown without effect.
 
-    Line breaks and tabs stay. The others of Unicode's categories Cc, Cf, Cs, Zl and Zp do not.
+    Escaped are Unicode's categories Cc, Cf, Cs, Zl and Zp, except line breaks and tabs.
 
     >>> printable("a\x1b[2Jb\u202e")
     'a\\x1b[2Jb\\u202e'
@@ -38,12 +38,12 @@ def printable(text: str) -> str:
 
 
 def counted(count: int, noun: str) -> str:
-    """A number of things whose plural ends in s, such as 1 mission and 2 missions."""
+    """Text of a count and a noun whose plural ends in s, such as 1 mission and 2 missions."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def format_number(value: object, digits: int = 4) -> str:
-    """A cell's text: numbers with `digits` significant digits, whole numbers in full.
+    """Text of a cell: numbers with `digits` significant digits, integers in full.
 
     >>> format_number(0.49021), format_number(-35.547), format_number(5.3e-06, 2)
     ('0.4902', '-35.55', '5.3e-06')
@@ -68,17 +68,17 @@ def format_number(value: object, digits: int = 4) -> str:
         return f"{number:g}"
     if not SMALLEST_PLAIN <= abs(number) < LARGEST_PLAIN:
         return f"{number:.{digits - 1}e}"
-    # The exponent after rounding, so that 9.99996 becomes 10.00 and not 10.000.
+    # Take the exponent after rounding, so that 9.99996 becomes 10.00 and not 10.000.
     exponent = int(f"{number:.{digits - 1}e}".partition("e")[2])
     return f"{number:.{max(digits - 1 - exponent, 0)}f}"
 
 
 def format_table(rows: Sequence[Mapping[str, object]], *, digits: int = 4) -> str:
-    """Rows under a header line; numbers flush right, text flush left.
+    """Format rows as a table under a header line; numbers flush right, text flush left.
 
     The columns are the keys in order of first appearance; a row without a key shows `MISSING`.
-    What is wider than `WIDEST` is folded: first the titles, then the widest columns of text, and
-    last the names in them.
+    A table wider than `WIDEST` is folded: first the titles, then the widest columns of text, last
+    single long words.
     """
     columns = list(dict.fromkeys(key for row in rows for key in row))
     cells = [[format_number(row.get(column), digits) for column in columns] for row in rows]
@@ -109,7 +109,7 @@ def format_table(rows: Sequence[Mapping[str, object]], *, digits: int = 4) -> st
 def _column_widths(
     columns: Sequence[str], cells: Sequence[Sequence[str]], right: Sequence[bool]
 ) -> list[int]:
-    """Widths of the columns: the widest text of each, or less where the table has to be folded."""
+    """Widths of the columns: that of the widest text, or less where the table must be folded."""
     bodies = [max((len(texts[i]) for texts in cells), default=0) for i in range(len(columns))]
     widths = [max(len(title), body) for title, body in zip(columns, bodies, strict=True)]
     whole = [" ".join((title, *(texts[i] for texts in cells))) for i, title in enumerate(columns)]
@@ -122,7 +122,7 @@ def _column_widths(
         foldable = [
             (width, i) for i, width in enumerate(widths) if not right[i] and width > least[i]
         ]
-        if not foldable:  # names longer than there is room for are broken
+        if not foldable:  # then long words must be broken
             least = [min(word, NARROWEST_TEXT) for word in least]
             if not any(w > s and not r for w, s, r in zip(widths, least, right, strict=True)):
                 break
@@ -132,8 +132,8 @@ def _column_widths(
 
 
 def _folded(text: str, width: int) -> list[str]:
-    """The text in lines of `width`; a name that is longer is broken, after an underscore if one is
-    near its end."""
+    """Wrap a text to lines of `width`; break a longer word, after an underscore if one is in the
+    last two thirds of the line."""
     if len(text) <= width:
         return [text]
     pieces: list[str] = []
@@ -148,14 +148,14 @@ def _folded(text: str, width: int) -> list[str]:
 
 
 def format_paragraph(text: str, *, indent: str = "") -> str:
-    """The text in lines of `WIDEST` columns at most, all but the first indented."""
+    """Wrap a text to lines of at most `WIDEST` characters, all but the first indented."""
     return textwrap.fill(
         text, WIDEST, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
     )
 
 
 def format_pairs(pairs: Mapping[str, object], *, digits: int = 4) -> str:
-    """Name and value on each line, the values aligned; a (value, unit) tuple shows its unit."""
+    """Format one name and value a line, values aligned; a (value, unit) tuple shows its unit."""
     width = max((len(name) for name in pairs), default=0)
     lines = []
     for name, value in pairs.items():

@@ -1,1 +1,1 @@
-"""One module per subcommand of `twin`; each is imported only when it is called."""
+"""Subcommands of `twin`: a subcommand's module is imported only when it is called."""

@@ -1,4 +1,4 @@
-"""`twin check`: MuJoCo against Fossen, published figures and still water; or against real logs."""
+"""Command `twin check`: compare MuJoCo with the Fossen model, published motions, or real logs."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ VEHICLE, MANOEUVRES, SEED = "glider", 20, 0  # defaults of the manoeuvres
 
 @dataclass(frozen=True, kw_only=True)
 class CheckModels(JsonOption):
-    """Fly random manoeuvres in both models, recompute the published motions, and see that still
-    water gives no energy; with --many fly both engines beside each other, with --logs a vehicle's
-    twin beside its own logs.
+    """Fly random manoeuvres in both models, recompute the published motions, and check that still
+    water gives no energy. With --many compare the two engines; with --logs compare a vehicle's twin
+    with its own logs.
 
     Examples:
 
@@ -26,32 +26,32 @@ class CheckModels(JsonOption):
     """
 
     vehicle: str | None = None
-    """shipped vehicle name or MJCF file (:PRESET behind it takes a preset): flies the manoeuvres,
-    and of published motions and still water only its own are computed; or the vehicle of the logs.
-    [default: glider, beside published motions and still water of all vehicles]"""
+    """shipped vehicle name or MJCF file (:PRESET behind it takes a preset). Manoeuvres, published
+    motions and still water are then of this vehicle; with --logs it is the logs' vehicle.
+    [default: glider for the manoeuvres, all vehicles for published motions and still water]"""
     manoeuvres: int | None = None
     """number of random 600 s manoeuvres [default: 20]"""
     seed: int | None = None
-    """first seed [default: 0]"""
+    """seed of the first manoeuvre [default: 0]"""
     many: int | None = None
-    """fly so many manoeuvres by both engines instead, MuJoCo and the Fossen model in lanes, all
-    shipped vehicles in turn or only --vehicle: quantiles of the differences, the worst one's
-    vehicle and seed, and what the steps themselves do"""
+    """number of manoeuvres that both engines fly instead, MuJoCo and lanes (the Fossen model), with
+    all shipped vehicles in turn or only --vehicle. Reports quantiles of the differences, vehicle
+    and seed of the worst, and the error of the time steps"""
     timestep: float | None = None
     """MuJoCo's physics step in the manoeuvres [s]; default: the vehicle file's"""
     logs: Path | None = None
-    """store of logs, as `factory import` writes it: the twin flies its dives in closed loop on the
-    log's pitch, pump, turning depths and headings, and is compared in dives and climbs"""
+    """store of logs, as `factory import` writes it. The twin flies these dives in closed loop with
+    the log's pitch, pump, turning depths and headings; descents and climbs are compared"""
     missions: str | None = None
-    """with --logs: missions of the store, such as 0-11,14 [default: all]"""
+    """with --logs: dives of the store, such as 0-11,14 [default: all]"""
     engine: Literal["mujoco", "lanes"] | None = None
-    """with --logs: what flies the twin: mujoco, or lanes, the Fossen model for all dives at once,
-    whose first dive is flown in MuJoCo too and the difference said [default: mujoco]"""
+    """with --logs: physics engine of the twin: mujoco; or lanes, the Fossen model for all dives at
+    once, whose first dive is also flown in MuJoCo and compared [default: mujoco]"""
     page: Path | None = None
     """with --logs: folder for a page with plots (index.html and its figures as PNG)"""
 
     def run(self, console: Console) -> int:
-        """Compare; exit code 1 when a limit is exceeded."""
+        """Run the chosen comparison; the exit code is 1 when a limit is exceeded."""
         from twin.errors import InputError
 
         idle = ("manoeuvres", "seed", "timestep")
@@ -78,7 +78,7 @@ class CheckModels(JsonOption):
         return self._models(seed, console)
 
     def _engines(self, count: int, seed: int, console: Console) -> int:
-        """MuJoCo beside the Fossen model in lanes."""
+        """Compare MuJoCo with the Fossen model in lanes, over many manoeuvres."""
         import os
 
         from twin import load_vehicle, vehicle_names
@@ -136,7 +136,7 @@ class CheckModels(JsonOption):
         return _verdict(console, found.beyond())
 
     def _logs(self, store: Path, console: Console) -> int:
-        """The twin beside the logs."""
+        """Compare the twin with the logs."""
         from twin.cli.options import parse_rows
         from twin.errors import InputError
         from twin.identify import check_logs
@@ -170,7 +170,7 @@ class CheckModels(JsonOption):
         return _verdict(console, found.beyond)
 
     def _models(self, seed: int, console: Console) -> int:
-        """The two models, the published motions and still water."""
+        """Check the two models, the published motions and still water."""
         from twin import check_manoeuvres, check_published, checks, load_vehicle
         from twin.errors import InputError
 
@@ -253,7 +253,7 @@ class CheckModels(JsonOption):
 
 
 def _figures(difference: Mapping[str, Any]) -> dict[str, Any]:
-    """The figures of a difference in the tables' units."""
+    """Values of a difference in the tables' units."""
     speed = difference["speed_m_s"]
     return {
         "speed mm/s": None if speed is None else 1e3 * speed,
@@ -263,12 +263,12 @@ def _figures(difference: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _thousandths(value: float | None) -> float | None:
-    """Metres as millimetres, to the nanometre: what is below is rounding of the solver."""
+    """Thousandfold of a value (such as m to mm), rounded to 1e-6 to hide the solver's noise."""
     return None if value is None else round(1e3 * value, 6)
 
 
 def _verdict(console: Console, broken: Sequence[str]) -> int:
-    """Say what is beyond its limit; the exit code."""
+    """Report the values that are beyond their limits and return the exit code."""
     for text in broken:
         console.warn(text)
     console.say("all within the limits" if not broken else f"{len(broken)} beyond the limits")

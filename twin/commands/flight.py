@@ -1,4 +1,4 @@
-"""`twin flight` and `twin energy`: how a deployment flew and drifted, and where its charge went."""
+"""Commands `twin flight` and `twin energy`: speed and drift of a deployment, and its energy use."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ class EstimateFlight(JsonOption):
     """
 
     store: Annotated[Path, tyro.conf.Positional]
-    """store of logs, as `factory import` writes it; a simulated one with sensors will do too"""
+    """store of logs, as `factory import` writes it, or a simulated store with sensors"""
     vehicle: str | None = None
-    """the vehicle that made them: what `twin identify` wrote, or a shipped name; default: the
-    shipped one of the log's kind, or the one that a simulated store has"""
+    """vehicle that made the logs: a file of `twin identify`, or a shipped name; default: the
+    shipped vehicle of the log's kind, or the vehicle of a simulated store"""
     out: Path = Path("flight.nc")
     """file to write: .nc (netCDF) or .zarr"""
     overwrite: bool = False
@@ -38,18 +38,18 @@ class EstimateFlight(JsonOption):
     missions: str = "all"
     """missions of the store, such as 0-11,14"""
     estimator: str = "flight"
-    """of the velocity through the water: flight (with inertia), steady (forces in balance), or one
-    that a package or a file of your own adds, as NAME or NAME:ARGUMENT"""
+    """estimator of velocity through the water: flight (with inertia), steady (forces in balance),
+    or one from a package or a file of your own, as NAME or NAME:ARGUMENT"""
     track: Literal["smoother", "linear"] = "smoother"
-    """correction of the track at the fixes: smoother (with the current, by all fixes of a
-    deployment), or linear (each dive's misclosure spread in time, for comparison)"""
+    """correction of the track at the fixes: smoother (with the current, from all fixes of a
+    deployment), or linear (each dive's misclosure distributed in time, for comparison)"""
     energy_left_kwh: float | None = None
-    """energy left in the batteries [kW h], for the days left by the log's counter of charge"""
+    """energy left in the batteries [kW h], to report the days left by the log's charge counter"""
     no_thermal_lag: bool = False
-    """take the CTD's salinity and density as stored, without looking for its thermal lag"""
+    """take the CTD's salinity and density as stored, without a correction of its thermal lag"""
 
     def run(self, console: Console) -> int:
-        """Fly, write, say."""
+        """Estimate the flight, write the file and the figures, and report a summary."""
         from twin.cli.options import parse_rows
         from twin.errors import InputError, quoted
         from twin.logs import (
@@ -66,7 +66,7 @@ class EstimateFlight(JsonOption):
             raise InputError(f"--plots {self.plots} is a file; name a folder")
         rows = parse_rows(self.missions)
         left, used, days = self.energy_left_kwh, None, None
-        if left is not None:  # says what the log lacks before the flight
+        if left is not None:  # reports a missing counter before the long computation
             used = energy_used(self.store, self.vehicle, missions=rows)
             days = used.days_left(left)
         with MissionStore(self.store) as store:
@@ -144,8 +144,8 @@ class EstimateFlight(JsonOption):
 
 @dataclass(frozen=True, kw_only=True)
 class AccountEnergy(JsonOption):
-    """Share out the charge that a vehicle has counted: electronics, surface, pump by depth and
-    direction, drives, payload, thruster; and try it: the second half of the dives by the first.
+    """Attribute the counted charge to electronics, surface, pump by depth and direction, drives,
+    payload and thruster. Then test the result: predict the second half of the dives from the first.
 
     Example:
 
@@ -155,19 +155,19 @@ class AccountEnergy(JsonOption):
     store: Annotated[Path, tyro.conf.Positional]
     """store of logs, as `factory import` writes it, with a counter of charge and a voltage"""
     vehicle: str | None = None
-    """the vehicle that made them: what `twin identify` wrote, or a shipped name; default: the
-    shipped one of the log's kind"""
+    """vehicle that made the logs: a file of `twin identify`, or a shipped name; default: the
+    shipped vehicle of the log's kind"""
     missions: str = "all"
     """missions of the store, such as 0-11,14"""
     energy_left_kwh: float | None = None
-    """energy left in the batteries [kW h], for the days left"""
+    """energy left in the batteries [kW h], to report the days left"""
     out: Path | None = None
-    """write the vehicle with these figures here (.xml): simulations and forecasts take them"""
+    """file (.xml) to write the vehicle with this consumption to, for simulations and forecasts"""
     overwrite: bool = False
     """replace an existing --out"""
 
     def run(self, console: Console) -> int:
-        """Fit, try, say, write."""
+        """Fit the consumption, test it on later dives, report, and write the vehicle."""
         from twin.cli.options import parse_rows
         from twin.errors import InputError
         from twin.identify import write_consumption

@@ -1,4 +1,4 @@
-"""`twin identify`: a vehicle's parameters from its own logs."""
+"""Command `twin identify`: estimate a vehicle's parameters from its own logs."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ if TYPE_CHECKING:
     from twin.identify import DrivenErrors, Handling, Identification, Refinement
 
 
-UNUSUAL = 2.0  # usual spreads away from nominal at which an estimate is remarked on
+UNUSUAL = 2.0  # usual spreads from nominal beyond which an estimate gets a warning
 ESTIMATE = ("value", "deviation", "nominal", "unit", "determined", "note")
-"""Keys of each parameter in the answer"""
+"""Keys of each parameter in the JSON answer"""
 STAGES = {"fit": 60.0, "refine": 120.0, "handle": 40.0}
-"""Relative duration of each stage"""
+"""Relative duration of each stage, for the progress bar"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Identify(JsonOption):
     """Estimate trim, drag, lift, hull and sensor errors from depth, attitude, pump and density.
 
-    Of a propelled vehicle: drag, thrust, fins, moments and trim, from its runs.
+    For a propelled vehicle: estimate drag, thrust, fins, moments and trim from its runs.
 
-    Takes about 20 s of computing for ten hours of log (a minute on a busy machine); --model twin
-    takes longer.
+    Ten hours of log take about 20 s of computing (a minute on a busy machine); --model twin takes
+    longer.
 
     Example:
 
@@ -41,53 +41,53 @@ class Identify(JsonOption):
     """
 
     store: Annotated[Path, tyro.conf.Positional]
-    """store of logs, as `factory import` writes it; a simulated one with sensors will do too"""
+    """store of logs, as `factory import` writes it, or a simulated store with sensors"""
     vehicle: str | None = None
-    """vehicle to start from: shipped name, or the path of an MJCF file; default: the shipped one
-    of the log's kind, or the one that a simulated store has"""
+    """vehicle to start from: shipped name, or the path of an MJCF file; default: the shipped
+    vehicle of the log's kind, or the vehicle of a simulated store"""
     dimensions: tuple[str, ...] = ()
-    """of a propelled vehicle that has no file, in place of --vehicle: length=1.33 diameter=0.19
-    mass=30.5 [m, kg], and what else is known of fin_area [m2], fin_place [m ahead of the middle],
-    screw [m], density [kg/m3]"""
+    """dimensions of a propelled vehicle without a file, in place of --vehicle: length=1.33
+    diameter=0.19 mass=30.5 [m, kg], and if known fin_area [m2], fin_place [m ahead of the middle],
+    screw (diameter of the propeller [m]), density [kg/m3]"""
     out: Path | None = None
-    """write the calibrated vehicle here (.xml)"""
+    """file (.xml) to write the calibrated vehicle to"""
     overwrite: bool = False
     """replace an existing --out"""
     export: Path | None = None
-    """write the figures for other flight models here too: .m for a Seaglider's basestation (hd_a,
-    hd_b, hd_c, volmax, vbdbias, abs_compress, therm_expan), .json for gliderflight (Cd0, Vg, mg,
-    epsilon, ah, Cd1)"""
+    """file to write the parameters of other flight models to: .m for a Seaglider's basestation
+    (hd_a, hd_b, hd_c, volmax, vbdbias, abs_compress, therm_expan), .json for gliderflight (Cd0, Vg,
+    mg, epsilon, ah, Cd1)"""
     start: Path | None = None
-    """such a file (.m or .json) with the figures to start from, in place of the vehicle's"""
+    """file like --export's (.m or .json) with the parameters to start from, not the vehicle's"""
     plot: Path | None = None
-    """write a figure of the residuals here (.png, .pdf or .svg)"""
+    """file (.png, .pdf or .svg) to draw the residuals to"""
     model: Literal["flight", "steady", "twin"] = "flight"
-    """flight: attitude as logged, with inertia; steady: forces in balance, off inflections; twin:
+    """flight: logged attitude, with inertia; steady: forces in balance, without inflections; twin:
     flight, then full rollouts of the MuJoCo twin on the logged actuator positions"""
     parameters: tuple[str, ...] = ()
-    """what to estimate; when not given, all that the log may determine, and a pitch offset where it
-    predicts left-out dives better"""
+    """parameters to estimate; default: all that the log may determine, and a pitch offset if it
+    improves the prediction of left-out dives"""
     known: tuple[str, ...] = ()
-    """values that are known and not to be estimated, such as mass=70 lift_ratio=48"""
+    """known values that are not estimated, such as mass=70 lift_ratio=48"""
     missions: str = "all"
     """missions of the store to fit, such as 0-11,14"""
     unseen: str = ""
-    """runs of a propelled vehicle that are not fitted, such as 4,5: the identified vehicle
-    and the one that it started from are judged by them"""
+    """runs of a propelled vehicle that are not fitted, such as 4,5; they test the identified
+    vehicle and the vehicle that it started from"""
     no_fixes: bool = False
-    """fit the depth rate only; without this option the change of current between GPS fixes is
-    compared too, where the log has fixes"""
+    """fit the vertical velocity only; without this option the change of current between GPS fixes
+    is fitted too, where the log has fixes"""
     no_handling: bool = False
-    """leave pitch, turns and gains as the vehicle file has them, and try nothing out: the file is
-    then written for estimates of speed, whether the vehicle flies or not"""
+    """keep the vehicle file's pitch, turns and gains, and skip the test flights; the file is then
+    written for estimates of speed, whether the vehicle flies or not"""
     pitch_scale: float | None = None
-    """known error of the pitch sensor: true pitch = scale * measured + offset; it is then not
-    estimated, unless --parameters asks"""
+    """known scale of the pitch sensor, true pitch = scale * measured + offset; the scale is then
+    estimated only if --parameters names it"""
     pitch_offset: float | None = None
-    """known offset of the pitch sensor [deg]; it is then not estimated, unless --parameters asks"""
+    """known offset of the pitch sensor [deg]; estimated only if --parameters names it"""
 
     def _check(self) -> None:
-        """Refuse what could not be written or used before anything is read."""
+        """Raise InputError for unusable options and targets, before anything is read."""
         from twin.cli.options import check_plot_path
         from twin.errors import InputError
 
@@ -114,7 +114,7 @@ class Identify(JsonOption):
             raise InputError("--dimensions are for a vehicle without a file: leave out --vehicle")
 
     def run(self, console: Console) -> int:
-        """Fit, report, write."""
+        """Fit the parameters, report them, and write the files."""
         from twin import identify, load_vehicle
         from twin.cli.options import parse_numbers, parse_rows
         from twin.errors import InputError
@@ -182,7 +182,7 @@ class Identify(JsonOption):
             failures = () if handling is None else handling.failures
             self._write(console, found, failures, "as its log", counted=True)
             for one, decay in check_still_water(load_vehicle(self.out)):
-                if not decay.ok:  # it would take energy from still water
+                if not decay.ok:  # the vehicle would take energy from still water
                     told = "a log of glides tells nothing of such a motion"
                     console.warn(f"{decay.text(one)}; {told}")
         if self.export is not None:
@@ -200,7 +200,7 @@ class Identify(JsonOption):
         return 0
 
     def _driven(self, console: Console, vehicle: Vehicle) -> int:
-        """Fit, report and write a propelled vehicle."""
+        """Fit, report and write the parameters of a propelled vehicle."""
         from twin import identify
         from twin.cli.options import parse_numbers, parse_rows
         from twin.errors import InputError
@@ -269,7 +269,7 @@ class Identify(JsonOption):
         *,
         counted: bool,
     ) -> None:
-        """Write the vehicle file, with the energy that the log has `counted`.
+        """Write the vehicle file; if `counted`, with the consumption from the log's charge counter.
 
         Raises:
           InputError: the vehicle does not fly as it should.
@@ -297,7 +297,7 @@ class Identify(JsonOption):
     def _say(
         self, console: Console, found: Identification, missions: int, refined: Refinement | None
     ) -> None:
-        """The estimates, their correlation and what the model leaves; and which are unusual."""
+        """Report estimates, their correlations and the residuals; warn of unusual estimates."""
         rows = [
             {
                 "parameter": e.name,
@@ -387,7 +387,7 @@ class Identify(JsonOption):
 
 
 def _say_unseen(console: Console, mine: DrivenErrors, before: DrivenErrors) -> None:
-    """Report errors on runs that were not fitted, beside those of the first vehicle."""
+    """Report errors on runs that were not fitted: `mine` identified, `before` the start vehicle."""
     console.table(
         [
             {
@@ -405,7 +405,7 @@ def _say_unseen(console: Console, mine: DrivenErrors, before: DrivenErrors) -> N
 
 
 class _Stages:
-    """The stages of a command on one bar, so that it is full when all of them have ended."""
+    """Stages of a command on one progress bar, which is full when all stages have ended."""
 
     def __init__(self, progress: Progress, *, refines: bool, handles: bool):
         self._progress, self._done = progress, 0.0
@@ -414,7 +414,7 @@ class _Stages:
         self._whole = sum(STAGES[name] for name in self._names)
 
     def of(self, stage: str) -> Callable[[float], None]:
-        """Function that takes the part of a stage that is done, 0 to 1."""
+        """Make the function that reports the finished fraction of a stage, 0 to 1."""
         before = sum(STAGES[name] for name in self._names[: self._names.index(stage)])
 
         def report(part: float) -> None:
@@ -426,7 +426,7 @@ class _Stages:
 
 
 def _say_handling(console: Console, handling: Handling) -> None:
-    """Pitch, turns, asymmetry and loops; and the answers of the same."""
+    """Report pitch, turns, asymmetry and control gains, as text and as JSON."""
     vehicle = handling.identification.calibration.vehicle
     rows: dict[str, str] = {}
     degrees = {

@@ -1,4 +1,4 @@
-"""`twin version`, `compile` and `bench`: what this machine has, compiles, and takes for a step."""
+"""Commands `twin version`, `compile` and `bench`: versions, compilation, speed of a machine."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from twin.cli.console import Console, JsonOption
 from twin.cli.options import EngineOption
 
 REPORTED = ("mujoco", "dm-control", "numba", "numpy", "scipy", "xarray", "zarr", "torch")
-"""Distributions whose version can change a result."""
+"""Names of the distributions whose version can change a result."""
 PROCESSES = 2
 ENGINES = ("mujoco", "lanes")
 
@@ -45,10 +45,10 @@ class Version(JsonOption):
 
 @dataclass(frozen=True, kw_only=True)
 class CompileVehicles(JsonOption):
-    """Compile what the shipped vehicles fly with, in both engines, once for this processor.
+    """Compile the code of the shipped vehicles in both engines, once for this processor.
 
-    Otherwise the first flight does it for its own vehicle. What is compiled already is found again
-    and takes no time; after a change of the code only what it reaches is compiled.
+    Without this command the first flight compiles the code of its vehicle. Compiled code is cached;
+    after a change of the source only the affected functions are compiled again.
 
     Examples:
 
@@ -60,7 +60,7 @@ class CompileVehicles(JsonOption):
     """shipped vehicle names or paths of MJCF files; none: every shipped vehicle"""
 
     def run(self, console: Console) -> int:
-        """Fly a second with each, in two processes, and say how long it took."""
+        """Fly each vehicle for a second, in two processes, and report the elapsed time."""
         import multiprocessing
         import time
         from concurrent.futures import ProcessPoolExecutor
@@ -70,17 +70,17 @@ class CompileVehicles(JsonOption):
         shipped = dict.fromkeys(name.partition(":")[0] for name in vehicle_names())
         names = self.vehicle or tuple(sorted(shipped, key=lambda name: name != "glider"))
         for name in self.vehicle:
-            load_vehicle(name)  # what is no vehicle is told before anything is compiled
+            load_vehicle(name)  # an unknown vehicle is reported before anything is compiled
         begun = time.monotonic()
-        context = multiprocessing.get_context("spawn")  # fresh: what was imported here stays here
+        context = multiprocessing.get_context("spawn")  # a fresh process, without imported modules
         with ProcessPoolExecutor(PROCESSES, mp_context=context) as pool:
-            # the engines share little: one process each at first, then who has time
+            # the engines share little code: each process begins with one engine, then takes any job
             jobs = [(name, engine) for name in names for engine in ENGINES]
             waiting = [pool.submit(fly_a_second, *job) for job in jobs]
             try:
                 for one in waiting:
                     one.result()
-            except BaseException:  # Ctrl-C too: what has not begun is not waited for
+            except BaseException:  # also Ctrl-C: jobs that have not begun are cancelled
                 pool.shutdown(wait=False, cancel_futures=True)
                 raise
         elapsed = time.monotonic() - begun
@@ -90,7 +90,7 @@ class CompileVehicles(JsonOption):
 
 
 def fly_a_second(name: str, engine: str) -> None:
-    """Compile and keep what a flight with sensors needs, and `twin trim`."""
+    """Compile and cache the code that a flight with sensors and `twin trim` need."""
     import contextlib
     import logging
 
@@ -98,7 +98,7 @@ def fly_a_second(name: str, engine: str) -> None:
     from twin.errors import TwinError
     from twin.mission import steady_glide
 
-    logging.disable(logging.WARNING)  # that it compiles is what was asked for
+    logging.disable(logging.WARNING)  # messages about compiling are no news here
     twin.simulate(
         vehicle=name,
         engine=engine,
@@ -110,15 +110,15 @@ def fly_a_second(name: str, engine: str) -> None:
     if engine == "mujoco":
         vehicle = twin.load_vehicle(name)
         pitch, net_mass = vehicle.usual_glide
-        with contextlib.suppress(TwinError):  # what has an engine has no usual dive
+        with contextlib.suppress(TwinError):  # a propelled vehicle has no usual dive
             steady_glide(vehicle, -pitch, net_mass)
             twin.trim(vehicle, 0.0, 0.0, net_mass)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Bench(EngineOption, JsonOption):
-    """Time a step with and without our water, and a batch of closed-loop missions; of lanes such a
-    batch, and their arithmetic alone.
+    """Time a MuJoCo step with and without our hydrodynamics, and a batch of closed-loop missions.
+    With --engine lanes, time such a batch and the bare arithmetic of lanes.
 
     Examples:
 
@@ -129,9 +129,9 @@ class Bench(EngineOption, JsonOption):
     vehicle: str = "glider"
     """shipped vehicle name, or the path of an MJCF file; :PRESET behind it takes a preset of it"""
     threads: int = 0
-    """threads of the batch; 0 takes every core"""
+    """number of threads of the batch; 0 takes every core"""
     rounds: int | None = None
-    """pairs of stretches timed in MuJoCo [default: 40]"""
+    """number of pairs of timed stretches in MuJoCo [default: 40]"""
 
     def run(self, console: Console) -> int:
         """Measure and print."""
@@ -173,7 +173,7 @@ class Bench(EngineOption, JsonOption):
         return 0
 
     def _lanes(self, threads: int, console: Console) -> int:
-        """Closed-loop missions side by side."""
+        """Time the batched engine on closed-loop missions."""
         from twin import load_vehicle
         from twin.checks import bench_lanes
 

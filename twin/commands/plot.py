@@ -1,4 +1,4 @@
-"""`twin plot`: figures of one mission of a store, of some dives of a log, or of a flight."""
+"""Command `twin plot`: figures of a stored mission, of dives of a log, or of a flight file."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 ALL = "all"
 FLIGHT_FIGURES = ("w_section", "w_histogram", "map")
-"""Figures of a file of `twin flight`; the first by default"""
+"""Figures of a file of `twin flight`; the first is the default"""
 CHOICES = (
     f"{', '.join((*FIGURES, f'or {ALL}'))} [default: {OVERVIEW}]; of a file of `twin flight` "
     f"{', '.join((*FLIGHT_FIGURES, f'or {ALL}'))} [default: {FLIGHT_FIGURES[0]}]"
@@ -36,8 +36,8 @@ PRINT_DPI = 300  # [pixel/in] of a .png, as journals ask for
 class PlotMission:
     """Figures of one mission: map, tracks, sections, water, velocities, actuators, sensors.
 
-    Of a log the track corrected at the fixes, the measured attitude and the flight model's
-    velocities stand where a simulation has its truth; labels say so.
+    For a log, the track corrected at the fixes, the measured attitude and the flight model's
+    velocities replace a simulation's true signals; labels say so.
 
     Examples:
 
@@ -50,22 +50,22 @@ class PlotMission:
     mission: int = 0
     """index of the mission in the store"""
     missions: str | None = None
-    """several dives of a log in one figure, such as 0-11,14, or all; in place of --mission"""
+    """dives of a log in one figure, such as 0-11,14, or all; in place of --mission"""
     figure: Annotated[str | None, tyro.conf.arg(help=CHOICES)] = None
 
     out: Path | None = None
-    """file (.png, .pdf or .svg) [default: FIGURE.png]; with --figure all a folder, made if need
-    be [default: plots]; older figures are replaced without asking"""
+    """file (.png, .pdf or .svg) [default: FIGURE.png]; with --figure all a folder, made if it is
+    missing [default: plots]; older figures are replaced without asking"""
     vehicle: str | None = None
-    """of a log: the vehicle whose flight model tells its velocities: what `twin identify` wrote, or
-    a shipped name; default: the shipped one of the log's kind"""
+    """for a log: vehicle whose flight model gives the velocities, a file of `twin identify` or a
+    shipped name; default: the shipped vehicle of the log's kind"""
     tracks: Path | None = None
     """file of dead-reckoned tracks (.nc, .zarr, .npz or .csv) to draw beside the true one"""
     only: str | None = None
-    """names of the tracks to draw, separated by commas; default: all of the file"""
+    """names of the tracks to draw, separated by commas; default: all tracks of the file"""
 
     def run(self, console: Console) -> int:
-        """Draw and save; says which files were written."""
+        """Draw and save the figures, and report the written files."""
         from twin.records import is_flight
 
         if is_flight(self.store):
@@ -89,7 +89,7 @@ class PlotMission:
         return self._save_all(drawers, out, caption, console)
 
     def _run_flight(self, console: Console) -> int:
-        """Figures of what `twin flight` wrote."""
+        """Draw and save figures of a file that `twin flight` wrote."""
         from twin.show import FLIGHT_FIGURES as OF_FLIGHTS
         from twin.show import flight_caption, read_flight
 
@@ -113,10 +113,10 @@ class PlotMission:
         caption: str,
         console: Console,
     ) -> int:
-        """The only figure to the file `out`; of several those that can be drawn into that folder.
+        """Save the only figure to the file `out`, or all that can be drawn to the folder `out`.
 
         Raises:
-          InputError: none can be drawn.
+          InputError: no figure can be drawn.
         """
         from twin.records import whole_file
         from twin.show.figures import add_caption
@@ -142,7 +142,7 @@ class PlotMission:
         return 0
 
     def _out(self, name: str) -> Path:
-        """The file, or the folder of all figures; refused before anything is read."""
+        """Path of the file, or of the folder of all figures; raise InputError if unusable."""
         if name == ALL:
             out = self.out or Path("plots")
             if out.suffix.lower() in PLOT_FORMATS:
@@ -154,7 +154,7 @@ class PlotMission:
         return out
 
     def _read(self, console: Console) -> tuple[Trajectory, str]:
-        """The mission, or the dives of a log as one, and the caption."""
+        """Read the mission, or several dives of a log as one trajectory, and make the caption."""
         from twin.records import MissionStore, read_trajectory
         from twin.show.figures import mission_caption, missions_caption
 
@@ -185,7 +185,7 @@ class PlotMission:
             return trajectory, missions_caption(store, chosen, trajectory.vehicle)
 
     def _draw(self, name: str, trajectory: Trajectory, tracks: list[NamedTrack]) -> Figure:
-        """One figure; raises InputError when the mission lacks a signal that it shows."""
+        """Draw one figure; raise InputError when the mission lacks a signal of the figure."""
         from twin.show.figures import figure, suited
 
         takes = suited(trajectory, name).takes_tracks

@@ -1,4 +1,4 @@
-"""`twin render`: a picture, a video or a page of a stored mission, without a screen."""
+"""Command `twin render`: a picture, a video or a page of a stored mission, without a screen."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from twin.show.render import Shot, Subject
 
 
-OUT, SIZE = Path("mission.mp4"), "1280x720"  # file and size when none are asked for
+OUT, SIZE = Path("mission.mp4"), "1280x720"  # default file and size
 VIDEO_FPS, GIF_FPS = 30.0, 12.5
-"""Frames per second when none are asked for; a gif's clock counts hundredths of a second."""
+"""[1/s] Default frame rates of videos and gifs; a gif's clock counts hundredths of a second."""
 OF_A_SHOT = [
     "camera",
     "speed_up",
@@ -30,7 +30,7 @@ OF_A_SHOT = [
     "hud",
     "inset",
 ]
-"""Options that are fields of `Shot` by the same names"""
+"""Options that are fields of `Shot`, under equal names"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,14 +49,14 @@ class Render(JsonOption):
     mission: int = 0
     """index of the mission in the store"""
     missions: str | None = None
-    """several dives of a log in one picture, such as 0-11,14, or all; in place of --mission"""
+    """dives of a log in one picture, such as 0-11,14, or all; in place of --mission"""
     out: Path = OUT
-    """file to write: .png, .mp4, .gif or .html; an older one is replaced without asking"""
+    """file to write: .png, .mp4, .gif or .html; an existing file is replaced without asking"""
     html: Path | None = None
-    """page to write, in place of --out: one .html file that replays the mission offline; an older
-    one is replaced without asking"""
+    """page to write, in place of --out: one .html file that replays the mission offline; an
+    existing file is replaced without asking"""
     camera: Literal["orbit", "side", "map", "chase"] = "orbit"
-    """orbit circles the track, side and map show it whole, chase follows the glider"""
+    """orbit circles the track, side and map show the whole track, chase follows the glider"""
     size: str | None = None
     """width x height in pixels; default: 1280x720"""
     fps: float | None = None
@@ -68,34 +68,34 @@ class Render(JsonOption):
     end: float | None = None
     """last mission time shown [s]"""
     time: float | None = None
-    """mission time of a .png, or that a page shows first [s]; default: of a .png the last moment of
-    the part that the log has, of a page the first"""
+    """mission time of a .png, or first time that a page shows [s]; default: the last known moment
+    for a .png, the first for a page"""
     colour: Literal["speed", "current", "depth", "error"] | None = None
-    """what colours the track; default: speed, or depth in a log that does not tell it; error is
-    the first track's of --tracks"""
+    """quantity that colours the track; default: speed, or depth in a log without speed; error is
+    that of the first of --tracks"""
     tracks: Path | None = None
     """dead-reckoned tracks to draw beside the true one: .nc, .zarr, .npz or .csv"""
     only: str | None = None
-    """names of the tracks to draw, separated by commas; default: all of the file"""
+    """names of the tracks to draw, separated by commas; default: all tracks of the file"""
     exaggeration: float | None = None
     """vertical over horizontal scale; default: chosen to fit"""
     floor: float | None = None
-    """depth [m] at which the picture ends below; default: so that it shows the mission's sea floor,
-    or for a mission without one a little below the deepest point, on a made-up floor"""
+    """depth [m] of the picture's lower end; default: below the mission's sea floor, or for a
+    mission without one a little below the deepest point, on a made-up floor"""
     hud: bool = True
-    """readouts, labels and legend"""
+    """draw readouts, labels and legend"""
     inset: bool = True
-    """close-up of the glider"""
+    """draw a close-up of the glider"""
     title: str | None = None
     """first line of the picture; default: from the store"""
     vehicle: str | None = None
-    """of a log: vehicle to draw, by name or MJCF file (:PRESET behind it), whose flight model tells
-    the velocities; default: the shipped one of the log's kind"""
+    """for a log: vehicle to draw, by name or MJCF file (:PRESET behind it), whose flight model
+    gives the velocities; default: the shipped vehicle of the log's kind"""
     workers: int | None = None
-    """processes that draw a video; default: one per core"""
+    """number of processes that draw a video; default: one per core"""
 
     def run(self, console: Console) -> int:
-        """Draw and write the file."""
+        """Draw the picture, video or page, and write the file."""
         import time
 
         from twin.show.render import STILL_FORMATS, VIDEO_FORMATS, Shot
@@ -142,7 +142,7 @@ class Render(JsonOption):
         return 0
 
     def _target(self) -> Path:
-        """The file to write."""
+        """Path of the file to write."""
         if self.html is None:
             return self.out
         if self.out != OUT:
@@ -152,7 +152,7 @@ class Render(JsonOption):
         return self.html
 
     def _subject(self, console: Console) -> Subject:
-        """Read the subject, with notes about what it lacks."""
+        """Read the flight to draw, and report what is missing from it."""
         from twin.show.render import OTHER_TRACKS, read_subject
 
         read = functools.partial(
@@ -175,13 +175,13 @@ class Render(JsonOption):
             console.note(
                 f"{len(subject.tracks)} tracks share {colours} colours; --only chooses some"
             )
-        unflown = getattr(subject.trajectory, "unflown", "")  # logs have it
+        unflown = getattr(subject.trajectory, "unflown", "")  # only trajectories of logs have this
         if unflown:
             console.note(f"without a flight model, by the log's own track: {unflown}")
         return subject
 
     def _draw(self, console: Console, out: Path, subject: Subject, shot: Shot) -> int:
-        """Write a picture or a video; returns the number of its frames."""
+        """Write a picture or a video and return its number of frames."""
         from twin.show.render import STILL_FORMATS, default_workers, save_still, save_video
 
         if out.suffix.lower() in STILL_FORMATS:
@@ -193,7 +193,7 @@ class Render(JsonOption):
             return save_video(out, subject, shot, workers=workers, progress=progress.update)
 
     def _missions(self) -> list[int] | None:
-        """The dives that --missions names; None without it."""
+        """Dives that --missions names; None without the option."""
         if self.missions is None:
             return None
         from twin.cli.options import parse_rows
@@ -209,7 +209,7 @@ class Render(JsonOption):
 
 
 def parse_size(text: str) -> tuple[int, int]:
-    """Width and height [pixel] from a text such as 1280x720; raises InputError."""
+    """Parse width and height [pixel] from a text such as 1280x720; raise InputError if it fails."""
     width, separator, height = text.lower().partition("x")
     if not (separator and width.isdecimal() and height.isdecimal()):
         raise InputError(f"--size {text!r} must be WIDTHxHEIGHT in pixels, such as 1280x720")

@@ -1,4 +1,4 @@
-"""`twin simulate`: fly one mission and say what happened."""
+"""Command `twin simulate`: fly one mission and report a summary."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ OF_A_SCENARIO = (
     *("floor", "start", "duration", "engine", "hydrodynamics", "timestep", "integrator"),
     *("sample_period", "sensors", "seed", "navigate"),
 )
-"""Options that are arguments of `twin.scenario_of` by the same names"""
-LEAST_ENERGY = 1e-6  # [kJ] below which a part's energy is rounding noise
+"""Options that are arguments of `twin.scenario_of`, under equal names"""
+LEAST_ENERGY = 1e-6  # [kJ] a part's energy below this is rounding noise, shown as 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,70 +39,70 @@ class Simulate(EngineOption, JsonOption):
 
     mission: Annotated[str | None, tyro.conf.Positional] = None
     """shipped mission name, or the path of a mission file, TOML or Slocum's .mi; default: the
-    shipped one that suits the vehicle. docs/reference/missions.md explains them"""
+    shipped mission that suits the vehicle. docs/reference/missions.md explains missions"""
     vehicle: str = "glider"
     """shipped vehicle name, or the path of an MJCF file; :PRESET behind it takes a preset of it"""
     current: str = "none"
     """current, such as uniform:-0.05,-0.002 (north, east [m/s]) or
-    grid:FILE.nc,lat=49,lon=-16,time=2000-01-05; parts are added with +;
-    docs/reference/currents.md lists all kinds and settings"""
+    grid:FILE.nc,lat=49,lon=-16,time=2000-01-05; + adds currents;
+    docs/reference/currents.md lists all types and settings"""
     density: str = "usual"
-    """usual (one water of the reference density, compressed as sea water where the hull is),
-    constant, thermocline, grid (the current's file, where it has temperature and salinity), or a
+    """usual (water of the reference density, compressed like sea water provided the hull is),
+    constant, thermocline, grid (the current's file, if it has temperature and salinity), or a
     CSV file with depth [m] and density [kg/m3] columns, or depth, temperature [degC] and salinity,
-    whose density is that of the start's latitude and longitude"""
+    whose density is computed for the start's latitude and longitude"""
     ballast_at: float | None = None
-    """depth [m] of this water at which the vehicle is neutral; default: neutral in water of the
+    """depth [m] in this water at which the vehicle is neutral; default: neutral in water of the
     reference density at the surface"""
     mass: float | None = None
-    """kilograms of the whole vehicle; its hull keeps its volume, or with --ballast-at is neutral
-    there. Default: the vehicle file's"""
+    """mass [kg] of the whole vehicle; the hull keeps its volume, or with --ballast-at the vehicle
+    is neutral there. Default: the vehicle file's"""
     compressibility: float | None = None
-    """part of the hull's volume lost per pascal, such as 4e-10; default: the vehicle file's"""
+    """fraction of the hull's volume lost per pascal, such as 4e-10; default: the vehicle file's"""
     floor: str = "none"
     """sea floor: none; depth:METRES, flat; rough:METRES[,height=2,length=400,seed=0,slope=0,
-    toward=0,shallowest=5,deepest=12000,reach=METRES], a mean depth with a random relief of that
-    standard deviation and correlation length [m] on a slope that gets deeper toward a direction
-    [deg], with these defaults (reach: what the mission can cover); or a bathymetry file such as
-    GEBCO.nc (latitude, longitude, elevation in m) about --start.
-    docs/physics/equations.md explains them"""
+    toward=0,shallowest=5,deepest=12000,reach=METRES], a mean depth with a random relief: standard
+    deviation height [m] and correlation length [m], on a slope that gets deeper toward a direction
+    [deg] (defaults as shown; reach: the distance that the mission can cover); or a bathymetry file
+    such as GEBCO.nc (latitude, longitude, elevation in m) around --start.
+    docs/physics/equations.md explains these floors"""
     fault: tuple[str, ...] = ()
-    """what is wrong with the vehicle, such as fouling:per_day=0.02,from=3h or
-    wing_lost:side=port,from=20min; docs/howto/health.md lists all"""
+    """fault of the vehicle, such as fouling:per_day=0.02,from=3h or
+    wing_lost:side=port,from=20min; docs/howto/health.md lists all faults"""
     start: Annotated[str | None, tyro.conf.arg(metavar="LAT,LON[,TIME]")] = None
-    """where and when it begins: degrees north and east, and UTC, such as
-    49,-16,2003-08-01T00:00. Gridded currents, density and the store use it; default: where a
-    gridded current's file is read, else 36.8,-122.4,2020-01-01T00:00, off Monterey Bay, and the
+    """place and time of the start: degrees north and east, and UTC, such as
+    49,-16,2003-08-01T00:00. Gridded currents, density and the store use this. Default: the place
+    and time of a gridded current's file, else 36.8,-122.4,2020-01-01T00:00, off Monterey Bay; the
     store says which of place and date are defaults"""
     duration: Seconds | None = None
-    """time to simulate, such as 3600 (seconds), 90min or 6h; default: what the mission says"""
+    """time to simulate, such as 3600 (seconds), 90min or 6h; default: the mission's duration"""
     hydrodynamics: Literal["coefficients", "ellipsoid"] = "coefficients"
-    """identified coefficients, or MuJoCo's ellipsoid law on the geometry"""
+    """hull law: identified coefficients, or MuJoCo's ellipsoid law on the geometry"""
     timestep: float | None = None
     """physics step [s]; default: the vehicle file's"""
     integrator: Literal["discrete", "implicitfast", "implicit"] | None = None
-    """MuJoCo integrator; default: the vehicle file's. The implicit ones need a step of 0.02 s"""
+    """MuJoCo integrator; default: the vehicle file's. Implicit integrators need a step of 0.02 s"""
     sample_period: float = 0.5
     """seconds between stored samples"""
     sensors: str | None = None
-    """sensor suite, such as ideal or field: adds what its devices measure to the store and the
-    plots; docs/reference/sensors.md lists all. Default: none"""
+    """sensor suite, such as ideal or field, whose measurements are added to the store and the
+    plots; docs/reference/sensors.md lists all suites. Default: none"""
     seed: int = 0
-    """of the sensors' random draws"""
+    """seed of the sensors' random numbers"""
     navigate: str = "truth"
-    """what guidance sees: truth; or the estimate made on board of what --sensors (default then:
-    field) measure, by a velocity estimator: ekf, flight_filter, steady_flight,
-    pitch_plus_alpha, dvl, network:runs/NAME, or estimate for the vehicle's usual one.
-    docs/howto/navigation.md explains it"""
+    """state that guidance sees: truth; or an on-board estimate from --sensors (default then:
+    field) by a velocity estimator: ekf, flight_filter, steady_flight,
+    pitch_plus_alpha, dvl, network:runs/NAME, or estimate for the vehicle's usual estimator.
+    docs/howto/navigation.md explains navigation"""
     out: Path | None = None
-    """write the trajectory to this zarr store"""
+    """zarr store to write the trajectory to"""
     overwrite: bool = False
     """replace an existing store"""
     plot: Path | None = None
-    """draw an overview to this PNG, PDF or SVG file"""
+    """PNG, PDF or SVG file to draw an overview to"""
 
     def run(self, console: Console) -> int:
-        """Simulate, store, draw, summarise."""
+        """Simulate the mission, write the store and the plot, and report a summary."""
         import twin
         from twin.cli.options import check_plot_path
         from twin.errors import InputError, SimulationUnstable
@@ -211,11 +211,11 @@ BELIEF = {
         "{nis:.2f} in {fixes_after_dives} fixes"
     ),
 }
-"""Rows of the table of a flight, and of the position believed on board"""
+"""Rows of the table of a flight: label and format of the motion, and of the on-board position"""
 
 
 def _texts(rows: Mapping[str, str], figures: Mapping[str, Any]) -> dict[str, str]:
-    """Rows whose figures are there, such as those of a sea floor."""
+    """Format the rows whose values are known; a mission without sea floor lacks some."""
     angle, first = figures["angle_of_attack_p98_deg"], figures.get("first_contact_s")
     known = {**figures, "angle": "-" if math.isnan(angle) else f"{angle:.2f} deg"}
     if "grounded" in figures:
@@ -229,7 +229,7 @@ def _texts(rows: Mapping[str, str], figures: Mapping[str, Any]) -> dict[str, str
 
 
 def _place(scenario: Scenario) -> str | None:
-    """Where and when it began, if that was said."""
+    """Text of place and time of the start; None if the scenario has no place."""
     place = scenario.place
     if not scenario.has_place:
         return None
@@ -238,7 +238,7 @@ def _place(scenario: Scenario) -> str | None:
 
 
 def _energy(figures: dict[str, Any]) -> str:
-    """Energy in all, per way over ground, and of each part."""
+    """Text of the energy: total, per kilometre over ground, and of each part."""
     shares = ", ".join(
         f"{name} {kilo if kilo > LEAST_ENERGY else 0.0:.3g}"
         for name, kilo in figures["energy_kJ"].items()

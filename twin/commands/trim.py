@@ -1,4 +1,4 @@
-"""`twin vehicles` and `twin trim`: what is shipped, and the steady motion of fixed positions."""
+"""Commands `twin vehicles` and `twin trim`: shipped vehicles, and steady motion of fixed parts."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Vehicles(JsonOption):
-    """The shipped vehicles and their presets: mass, propeller, pump, usual speed, and the source of
-    the numbers.
+    """List the shipped vehicles and their presets: mass, propeller, pump, usual speed, and the
+    source of the numbers.
 
     Example:
 
@@ -24,7 +24,7 @@ class Vehicles(JsonOption):
     """
 
     def run(self, console: Console) -> int:
-        """Print one line for each, then what each is and where its numbers are from."""
+        """Print one line for each vehicle, then a summary and the source of each one's numbers."""
         from dataclasses import asdict
 
         from twin.mission import shipped_vehicles
@@ -44,7 +44,7 @@ class Vehicles(JsonOption):
 
 @dataclass(frozen=True, kw_only=True)
 class TrimVehicle(JsonOption):
-    """Steady state of these positions of the parts: speed, angles, turn, through the water.
+    """Solve the steady motion for fixed positions of the parts: speed, angles and turn rate.
 
     Examples:
 
@@ -53,18 +53,18 @@ class TrimVehicle(JsonOption):
     """
 
     net_mass: float | None = None
-    """net buoyancy mass [kg] of a vehicle with a pump, positive is heavy and dives; a glider
-    without any option trims its usual dive"""
+    """net buoyancy mass [kg] of a vehicle with a pump, positive is heavy and dives; without any
+    option a glider's usual dive is solved"""
     shift: float | None = None
     """battery position forward of neutral [m]"""
     rotation: float = 0.0
-    """position of what turns the vehicle [deg]: a battery's rotation, positive puts the mass to
-    port and turns to starboard, or a rudder's deflection"""
+    """position of the turning part [deg]: a rudder's deflection, or a battery's rotation, where
+    positive puts the mass to port and turns to starboard"""
     positions: Annotated[
         tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(name="set", metavar="PART=VALUE")
     ] = ()
-    """position of any part, in its own unit (rad, m, cm3, rad/s), such as --set propeller=60; may
-    be given several times or as a list with commas; what is not named rests"""
+    """position of any part, in the part's own unit (rad, m, cm3, rad/s), such as --set
+    propeller=60; may be repeated, or be a list with commas; other parts are at rest"""
     model: Literal["mujoco", "fossen"] = "mujoco"
     """equations to solve: the MuJoCo twin or the independent Fossen model"""
     vehicle: str = "glider"
@@ -73,7 +73,7 @@ class TrimVehicle(JsonOption):
     """the vehicle file's own hull law, or MuJoCo's ellipsoid law on the geometry"""
 
     def run(self, console: Console) -> int:
-        """Solve and print; NoSteadyState exits 1 with the reason."""
+        """Solve and report the motion; NoSteadyState exits with 1 and the reason."""
         import math
 
         from twin import load_vehicle
@@ -137,7 +137,7 @@ def _usual_dive(vehicle: Vehicle) -> tuple[float, float]:
     """Net mass [kg] and shift [m] of the usual dive of a glider that a battery pitches.
 
     Raises:
-      InputError: the vehicle does not glide; says what to give instead.
+      InputError: the vehicle does not glide; the message names the option to give instead.
     """
     from twin.errors import InputError
     from twin.mission import steady_glide

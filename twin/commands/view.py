@@ -1,4 +1,4 @@
-"""`twin view`: a stored mission, or one that is flown now, in a window or a browser."""
+"""Command `twin view`: show a stored or a live mission in a window or a browser."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from twin import Scenario
     from twin.show.render import Shot, Subject
 
-SPEED_UP, CHASE_SPEED_UP = 60.0, 5.0  # mission seconds per second when none are asked for
+SPEED_UP, CHASE_SPEED_UP = 60.0, 5.0  # default mission seconds per second
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,17 +36,17 @@ class ViewMission:
     mission: int = 0
     """index of the mission in the store"""
     plan: str | None = None
-    """live: shipped mission name, or the path of a mission TOML file; default: the shipped one that
-    suits the vehicle"""
+    """live: shipped mission name, or the path of a mission TOML file; default: the shipped mission
+    that suits the vehicle"""
     current: str | None = None
     """live: current, as in `twin simulate`; default: none"""
     floor: str | None = None
-    """live: sea floor of a depth, as in `twin simulate`; default: none"""
+    """live: sea floor, as in `twin simulate`; default: none"""
     vehicle: str | None = None
-    """live or of a log: vehicle by name or MJCF file (:PRESET behind it); default: live the shipped
-    glider, of a log the shipped one of its kind"""
+    """live or for a log: vehicle by name or MJCF file (:PRESET behind it); default: the shipped
+    glider if live, the shipped vehicle of the log's kind for a log"""
     camera: Literal["orbit", "side", "map", "chase"] = "orbit"
-    """first view of the whole track; chase shows the glider in open water at true scale"""
+    """first view: orbit, side and map show the whole track; chase the glider at true scale"""
     speed_up: float | None = None
     """mission seconds per second; default: 60, with the chase camera 5"""
     start: Seconds | None = None
@@ -54,20 +54,20 @@ class ViewMission:
     end: Seconds | None = None
     """last mission time shown [s]"""
     colour: Literal["speed", "current", "error"] = "speed"
-    """what colours the track; error is the first track's of --tracks"""
+    """quantity that colours the track; error is that of the first of --tracks"""
     tracks: Path | None = None
     """dead-reckoned tracks to draw beside the true one: .nc, .zarr, .npz or .csv"""
     only: str | None = None
-    """names of the tracks to draw, separated by commas; default: all of the file"""
+    """names of the tracks to draw, separated by commas; default: all tracks of the file"""
     seconds: Seconds | None = None
-    """close the window or end --web after so many seconds; default: it stays open"""
+    """time after which the window closes or --web ends; default: stay open"""
     web: bool = False
-    """without a screen: a page for the browser, served to you alone, until Ctrl-C"""
+    """serve a page for a browser, without a screen, to you alone, until Ctrl-C"""
     port: int | None = None
-    """of --web; default: 8080, or the next free one; 0 takes any free one"""
+    """port of --web; default: 8080, or the next free port; 0 takes any free port"""
 
     def run(self, console: Console) -> int:
-        """Open the window, or serve the page; returns when it is closed."""
+        """Open the window, or serve the page; return when it is closed."""
         if self.seconds is not None and not self.seconds > 0:
             raise InputError(f"--seconds {self.seconds:g} must be positive")
         if self.port is not None and not self.web:
@@ -77,7 +77,7 @@ class ViewMission:
         return self._serve(console) if self.web else self._open(console)
 
     def _check_stored(self, store: Path) -> None:
-        """Refuse what belongs to a mission that is flown now."""
+        """Raise InputError for options of a live mission given with a store."""
         live = {"--plan": self.plan, "--current": self.current, "--floor": self.floor}
         if given := [name for name, value in live.items() if value is not None]:
             raise InputError(
@@ -86,7 +86,7 @@ class ViewMission:
             )
 
     def _open(self, console: Console) -> int:
-        """The window."""
+        """Open the window and return when it is closed."""
         from twin.show.render import require_screen
 
         require_screen()
@@ -108,13 +108,13 @@ class ViewMission:
         return 0
 
     def _serve(self, console: Console) -> int:
-        """The page, until Ctrl-C or for `seconds`."""
+        """Serve the page until Ctrl-C or for `seconds`."""
         import threading
 
         from twin.show.web import PORT, LiveMission, PageServer, assemble, page_text
 
         shot, live = self._shot(), None
-        # the port first: a taken one is told before the mission is read or flown
+        # the port first: a taken port is reported before the mission is read or flown
         with PageServer(self.port) as server:
             if self.port is None and server.port != PORT:
                 console.note(f"port {PORT} is taken: this page is served at {server.port}")
@@ -135,13 +135,13 @@ class ViewMission:
                 threading.Event().wait(self.seconds)
             except Ended:
                 raise
-            except KeyboardInterrupt:  # Ctrl-C is the way in which a person ends it
+            except KeyboardInterrupt:  # Ctrl-C is the normal end of serving
                 pass
         return 0
 
     @property
     def _speed(self) -> float:
-        """Mission seconds per second."""
+        """Speed-up: mission seconds per second."""
         if self.speed_up is not None:
             return self.speed_up
         return CHASE_SPEED_UP if self.camera == "chase" else SPEED_UP
@@ -165,7 +165,7 @@ class ViewMission:
         )
 
     def _live(self) -> tuple[Subject, Scenario]:
-        """Flown once without a picture, which takes a moment, to know how large the sea must be."""
+        """Fly the mission once without a picture, to find the size of the sea; and its scenario."""
         import twin
         from twin.physics import floor_table
         from twin.show.render import Subject

@@ -1,7 +1,7 @@
-"""Answer: a fit's result for a vehicle and each of its parameters.
+"""Answer: result of a fit for a vehicle and each of its parameters.
 
-It names the parameters that a log determines together but not apart, and holds what a vehicle file
-records about the identification that made it.
+`confused` names parameters that a log determines together but not apart. `provenance_of` is the
+record of the identification in the vehicle file.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ class IdentifiedParameter:
     nominal: float
     value: float
     deviation: float
-    """Standard deviation, given the model; NaN where not estimated."""
+    """Standard deviation in `unit`, given the model; NaN where not estimated"""
     spread: float
-    """Standard deviation known beforehand, in `unit`."""
+    """Standard deviation known beforehand, in `unit`"""
     determined: bool
     note: str = ""
-    """Why it was kept at nominal, or that it lies at its bound."""
+    """Reason why the value was kept at nominal, or a remark that it lies at its bound"""
 
     @classmethod
     def of(
@@ -49,9 +49,9 @@ class IdentifiedParameter:
         determined: bool,
         note: str = "",
     ) -> IdentifiedParameter:
-        """Estimate of `parameter` by a calibration; its `deviation` is in the parameter's spreads.
+        """Make the estimate of `parameter` by a calibration; `deviation` is in its spreads.
 
-        `nominal` is where the fit began.
+        The fit began at `nominal`.
         """
         began, value = float(parameter.get(nominal)), float(parameter.get(calibration))
         return cls(
@@ -69,32 +69,32 @@ class IdentifiedParameter:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Identification:
-    """A calibrated vehicle, how sure its parameters are, and what is left unexplained."""
+    """Calibrated vehicle with the estimates of its parameters and the residuals of the fit."""
 
     calibration: Calibration
     nominal: Calibration
     model: str
     estimates: tuple[IdentifiedParameter, ...]
     correlation: Array
-    """Of the determined parameters, in the order of `determined`."""
+    """Correlation matrix of the determined parameters, in the order of `determined`"""
     depth_rate_rmse: float
-    """[m/s] at the samples that were fitted, without weights."""
+    """[m/s] RMS residual of the depth rate at the fitted samples, without weights"""
     nominal_depth_rate_rmse: float
-    """[m/s] before."""
+    """[m/s] RMS residual of the depth rate of the nominal vehicle"""
     robust_deviation: float
-    """[m/s] of depth rate, outliers weighted down."""
+    """[m/s] Standard deviation of the depth rate's residuals, outliers weighted down"""
     correlation_time: float
-    """[s] integrated autocorrelation time of the residuals."""
+    """[s] Integrated autocorrelation time of the depth rate's residuals"""
     samples: int
     hours: float
-    """[h] of these samples"""
+    """[h] Duration of the fitted samples"""
     missions: int
     current_change: float | None
-    """[m/s] median change of the depth-averaged current between missions; None without fixes."""
+    """[m/s] Median change of the depth-averaged current between dives; None without fixes"""
     nominal_current_change: float | None
-    """[m/s] before."""
+    """[m/s] Median change of the current by the nominal vehicle; None without fixes"""
     powered: tuple[int, ...] = ()
-    """Missions that a thruster drove: left out."""
+    """Rows of the dives under a thruster, which were left out"""
 
     @property
     def determined(self) -> tuple[str, ...]:
@@ -102,7 +102,7 @@ class Identification:
         return tuple(e.name for e in self.estimates if e.determined)
 
     def _repr_html_(self) -> str:
-        """A table, and how far each estimate is from nominal in its spread, for notebooks."""
+        """Table of the estimates and chart of their distances from nominal, for notebooks."""
         from twin.notebook import card, spans
 
         rows: dict[str, object] = {
@@ -126,9 +126,9 @@ class Identification:
     def with_estimates(
         self, calibration: Calibration, estimates: Sequence[IdentifiedParameter], covariance: Array
     ) -> Identification:
-        """Add the estimates of a later fit, or put them in place of those of their names.
+        """Return the identification with the estimates of a later fit, which replace earlier ones.
 
-        `covariance` is theirs, in spreads: they are not correlated with the others.
+        Their `covariance` is in spreads. Correlations with the other estimates are 0.
         """
         own, before = [e.name for e in estimates], self.determined
         every = {e.name: e for e in (*self.estimates, *estimates)}
@@ -165,12 +165,12 @@ def answer_of(
     """Identification by a fit of depth rates that ended at `x`.
 
     Args:
-      logs: that were fitted.
-      notes: of each parameter that was left at nominal, why; `before`, its deviation in a fit with
-        it, in spreads.
-      covariance: of the fitted parameters, in spreads.
-      said: whether the logs determine each of them, and a note.
-      noise: of the depth rate.
+      logs: fitted dives.
+      notes: reasons for parameters that were left at nominal.
+      before: standard deviations of these parameters in a fit with them, in spreads.
+      covariance: covariance of the fitted parameters, in spreads.
+      said: for each fitted parameter, True where the logs determine it, and a note.
+      noise: noise of the depth rate.
     """
     calibration, nominal = problem.calibration(x), problem.nominal
     deviation = np.sqrt(np.diag(covariance))
@@ -206,7 +206,7 @@ def answer_of(
 
 
 def _unweighted(problem: Comparison, x: Array) -> tuple[Array, float | None]:
-    """Residuals of the depth rate [m/s], and the median change of the current where one shows."""
+    """Residuals of the depth rate and median change of the current [m/s]; None without fixes."""
     missed = problem.missed(x)
     changes = np.reshape(missed.get("current", ()), (-1, 2))
     median = float(np.median(np.hypot(*changes.T))) if len(changes) else None
@@ -214,13 +214,13 @@ def _unweighted(problem: Comparison, x: Array) -> tuple[Array, float | None]:
 
 
 DRIVEN = "driven"
-"""Model of a vehicle under a propeller: `twin.identify.driven_flights`"""
+"""Name of the model of propelled vehicles: `twin.identify.driven_flights`"""
 CLOSE = 0.95
-"""Correlation, as printed, from which on two estimates are said not to be told apart"""
+"""[1] Least correlation, as printed, of two estimates that are reported as not separated"""
 
 
 def confused(found: Identification) -> list[str]:
-    """One sentence for each group of estimates that the log does not tell apart, and what would."""
+    """Sentence for each group of estimates that the log does not separate, with advice."""
     names, left = found.determined, set(range(len(found.determined)))
     close = abs(found.correlation).round(2) >= CLOSE
     texts = []
@@ -257,11 +257,11 @@ def confused(found: Identification) -> list[str]:
 
 
 DIGITS = 6
-"""Significant digits: a deviation is not known to more than two."""
+"""Significant digits of recorded numbers; a standard deviation is known to two."""
 
 
 def provenance_of(found: Identification, store: str | Path) -> dict[str, Any]:
-    """Record of a fit, its store and its estimates; JSON-able, no times, no paths."""
+    """Record of a fit, its store and its estimates, JSON-able, without times and paths."""
 
     def short(value: float) -> float | None:
         return float(f"{value:.{DIGITS}g}") if value == value else None

@@ -1,7 +1,7 @@
 """Calibration: a vehicle's parameters together with the errors of its sensors and hull.
 
-A log sees the vehicle through sensors that are mounted askew and a hull that shrinks in the cold.
-Both stand beside the vehicle's own parameters here and are written into the same MJCF file.
+Sensors are mounted askew, and a hull shrinks in the cold. The numbers of both stand here beside the
+vehicle's own parameters, and are written into the same MJCF file.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 HULL_NUMERIC, SENSOR_NUMERIC, PROVENANCE, PUMP_NUMERIC = IDENTIFIED
-"""Names of the elements that hold what `Vehicle` does not; the last is read only, from files of
-earlier versions."""
+"""Names of the file's elements for numbers that `Vehicle` lacks. The last is read from files of
+earlier versions and never written."""
 ALUMINIUM_EXPANSION = 7.1e-5
-"""[1/K] of volume: three times the 23.6e-6 of aluminium alloys; the Seaglider basestation's
-hulls have 7.05e-5."""
+"""[1/K] Expansion of a hull's volume: three times the 23.6e-6 of aluminium alloys; the Seaglider
+basestation has 7.05e-5."""
 THERMAL_LAG = 200.0
-"""[s] in which the hull follows the water's temperature; fitted to a Slocum in a thermocline of
-14 K (docs/howto/identify.md)."""
+"""[s] Lag of the hull's temperature behind the water's; fitted to a Slocum in a thermocline of
+14 K (docs/howto/identify.md)"""
 REFERENCE_TEMPERATURE = 10.0
-"""[degree_Celsius] at which the hull has its neutral volume."""
+"""[degree_Celsius] Temperature at which the hull has its neutral volume"""
 CYCLES = ("heading_cos", "heading_sin", "heading_cos2", "heading_sin2")
-"""Names of the four parts of `Calibration.heading_cycles`"""
+"""Names of the four numbers of `Calibration.heading_cycles`"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -46,29 +46,29 @@ class Calibration:
     """A vehicle and the errors of its sensors: all that identification estimates."""
 
     vehicle: Vehicle
-    """Its `reference_density` is the density in which it is neutral at pump 0, pressure 0 and
-    `REFERENCE_TEMPERATURE`: the trim."""
+    """The vehicle, whose `reference_density` is the trim: the density in which it is neutral at
+    pump 0, pressure 0 and `REFERENCE_TEMPERATURE`"""
     water_density: float
-    """[kg/m3] of the sea, at the surface, in a log that does not measure it."""
+    """[kg/m3] Density of the sea at the surface, for logs that do not measure it"""
     thermal_expansion: float = ALUMINIUM_EXPANSION
-    """[1/K], relative volume gained per temperature of the hull, where a log has temperature."""
+    """[1/K] Relative volume that the hull gains per temperature, where a log has temperature"""
     thermal_lag: float = THERMAL_LAG
-    """[s], first-order lag of the hull's temperature behind the water's."""
+    """[s] First-order lag of the hull's temperature behind the water's"""
     pitch_scale: float = 1.0
-    """True pitch = scale * measured + offset."""
+    """[1] Factor on the measured pitch: true pitch = scale * measured + offset"""
     pitch_offset: float = 0.0
-    """[rad]"""
+    """[rad] Offset of the pitch in the same equation"""
     heading_offset: float = 0.0
-    """[rad], true heading less measured, mean over all headings"""
+    """[rad] True heading less measured, mean over all headings"""
     heading_cycles: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    """[rad] of cos, sin of the heading (magnets aboard) and of twice the heading (soft iron)."""
+    """[rad] Coefficients of cos, sin of the heading (hard iron) and of twice the heading (soft)"""
 
     def true_pitch(self, measured: Array) -> Array:
-        """Pitch [rad] of the hull, from the sensor's [rad]."""
+        """Pitch [rad] of the hull from the sensor's [rad]."""
         return self.pitch_scale * measured + self.pitch_offset
 
     def true_heading(self, measured: Array) -> Array:
-        """Heading [rad] of the hull, from the compass' [rad]; the deviation is a function of the
+        """Heading [rad] of the hull from the compass's [rad]; the deviation is a function of the
         measured heading."""
         c1, s1, c2, s2 = self.heading_cycles
         deviation = c1 * np.cos(measured) + s1 * np.sin(measured)
@@ -76,7 +76,7 @@ class Calibration:
         return measured + self.heading_offset + deviation
 
     def sea_density(self, depth: Array) -> Array:
-        """In-situ density [kg/m3] at a depth [m] where the log has none: one water, compressed."""
+        """In-situ density [kg/m3] at a depth [m] for logs without it: one water, compressed."""
         pressure = self.water_density * self.vehicle.gravity * np.maximum(depth, 0.0)
         return self.water_density * (1.0 + SEA_COMPRESSIBILITY * pressure)
 
@@ -94,7 +94,7 @@ class Calibration:
         return vehicle.mass - density * volume
 
     def describe(self) -> dict[str, float]:
-        """The figures that the vehicle file's own elements do not hold, in the file's units."""
+        """Numbers of hull and sensors that `Vehicle` lacks, by name, in the file's units."""
         return {
             "water_density": self.water_density,
             "thermal_expansion": self.thermal_expansion,
@@ -106,21 +106,21 @@ class Calibration:
         }
 
     def replace(self, **changes: object) -> Calibration:
-        """A copy with other values."""
+        """Return a copy with other values."""
         return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
 
     def with_vehicle(self, **changes: Any) -> Calibration:
-        """A copy with other values of its vehicle, as `Vehicle.replace` takes them."""
+        """Return a copy with other values of its vehicle, as `Vehicle.replace` takes them."""
         return self.replace(vehicle=self.vehicle.replace(**changes))
 
 
 def driven(vehicle: Vehicle) -> bool:
-    """Whether a propeller drives it: it is identified by its runs, not by a glider's dives."""
+    """True for a propelled vehicle, which is identified by its runs and not by dives."""
     return vehicle.steered("speed") is not None
 
 
 def require_glider(vehicle: Vehicle) -> None:
-    """Refuse a vehicle that the flight model of gliders does not fly; raises VehicleError."""
+    """Raise VehicleError for a vehicle that the flight model of gliders cannot fly."""
     needs = {
         f"the hull law {FlowFrame.kind!r}": is_flow_frame(vehicle.law),
         "one moving battery": len(vehicle.masses) == 1,
@@ -142,17 +142,17 @@ def load_calibration(
     pitch_scale: float | None = None,
     pitch_offset: float | None = None,
 ) -> Calibration:
-    """The calibration that a vehicle file holds, or the nominal one of a file without any.
+    """Calibration of a vehicle file, or the nominal one for a file without any.
 
     Args:
-      vehicle: name of a shipped file or path of one, which `twin identify` writes, or a vehicle as
-        its file has it.
-      pitch_scale, pitch_offset: known errors of the pitch sensor [1], [rad], in place of the
+      vehicle: name of a shipped file, path of a file, such as `twin identify` writes, or a loaded
+        vehicle.
+      pitch_scale, pitch_offset: known errors of the pitch sensor [1], [rad], which replace the
         file's.
 
     Raises:
       VehicleError: unknown or unreadable file, a vehicle that is no glider with a battery and a
-        pump, or a figure in the file that is none.
+        pump, or an element of the file that is no number.
     """
     loaded = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     require_glider(loaded)
@@ -172,7 +172,7 @@ def load_calibration(
         )
     pump = _numbers(loaded, numerics, PUMP_NUMERIC, 1)
     if pump is not None:
-        # files of version 0.1.0 say so beside a vehicle whose pump is at the centre of buoyancy
+        # files of version 0.1.0 have the pump's place here, and the vehicle's pump at the centre
         own = loaded.steered("buoyancy")
         assert own is not None
         calibration = calibration.with_vehicle(

@@ -1,16 +1,15 @@
-"""Comparison: what dives are compared in with a vehicle of unknown parameters, to be minimised.
+"""Comparison: residuals between dives and a vehicle with unknown parameters, and their fit.
 
-Every comparison gives its residuals as series, each of one dive and one channel. Residuals of a
-series are not independent: internal waves last minutes. Their number is divided by the integrated
-autocorrelation time before anything is weighted, which is what makes the stated deviations hold
-(`tests/twin/identify/test_identify_recovery.py`). The deviations of a fit come from a bootstrap
-over its dives, and whether a log supports a further parameter from the dives that are left out of
-a fit (cross-validation; Hastie et al. 2009, The Elements of Statistical Learning, 7.10): a pitch
-offset turns into drag and trim when a log holds one pitch, and then takes up what the model lacks.
+A comparison gives its residuals as series, each of one dive and one channel. Residuals of a series
+are correlated, because internal waves last minutes. Their weights are divided by the integrated
+autocorrelation time, so that the stated standard deviations hold
+(`tests/twin/identify/test_identify_recovery.py`). Covariances come from a bootstrap over dives.
 
-A fit without one dive, and one with one parameter more, are each a Gauss-Newton step from the fit
-to all: the equations are nearly linear in the parameters. On public logs the step tells the gain
-of whole new fits to a fifth of it.
+Cross-validation over left-out dives judges a further parameter (Hastie et al. 2009, The Elements of
+Statistical Learning, 7.10). A pitch offset, for one, turns into drag and trim when a log holds one
+pitch, and then takes up the model's own errors. A fit without one dive, or with one parameter more,
+is one Gauss-Newton step from the fit to all, as the equations are nearly linear in the parameters.
+On public logs the gain by such a step is within a fifth of the gain of whole new fits.
 """
 
 from __future__ import annotations
@@ -32,68 +31,68 @@ from twin.identify.unknowns import UnknownParameter
 Blocks = NDArray[np.int_]
 
 PRIOR = -1
-"""Block of the residuals that are what was known before."""
+"""Block number of the residuals of the priors"""
 DRAWS = 400
 LEAST_BLOCKS = 8
-"""Fewer dives are cut into parts: draws of three dives say little about their spread."""
+"""Fewest blocks of a bootstrap: fewer dives are cut into parts, as samples of three say little."""
 SEED = 20221123
-"""Deviations are the same in every run."""
+"""Seed of the bootstrap: standard deviations are the same in every run."""
 OUTLIER = 3.0
-"""Deviations at which a residual's weight has fallen to a half."""
+"""Residual in standard deviations at which its weight has fallen to a half"""
 LARGEST = 1e6
-"""Deviations beyond which a residual says no more than that nothing flies so"""
+"""Largest residual in standard deviations: larger ones, and NaN, are cut off here."""
 LEAST_DIVES = 4
-"""Dives below which none is left out."""
+"""Fewest dives for a cross-validation"""
 LEAST_GAIN = 0.04
-"""Part of the mean square error of left-out dives that a parameter must take away. The pitch
+"""[1] Least decrease of the mean square error of left-out dives by a supported parameter. The pitch
 offsets of ten public logs take 0 to 2.4 %, that of an eleventh 18 % (docs/howto/identify.md)."""
 LEAST_DEVIATIONS = 2.0
-"""Standard deviations that the gain must lie above zero."""
+"""Least gain of a supported parameter, in standard deviations of the gain"""
 
 
 class ComparedQuantity(NamedTuple):
-    """One quantity that is compared."""
+    """Noise of one compared quantity."""
 
     unit: str
     least: float
-    """Deviation that it is off by at least, in `unit`: sensors, and what a model leaves out"""
+    """Lower bound of its standard deviation, in `unit`: errors of sensors and of the model"""
     samples: float = 0.0
-    """Residuals that one independent one stands for; 0: as many as they are correlated over"""
+    """Number of residuals for one independent one; 0: the integrated autocorrelation time"""
     longest: int = 0
-    """Residuals up to which autocorrelation is summed"""
+    """Longest lag in residuals over which autocorrelation is summed"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ResidualNoise:
-    """Deviation of a channel's residuals, and how many of them make an independent one."""
+    """Standard deviation of a channel's residuals, and number of them for an independent one."""
 
     deviation: float
-    """in the channel's unit, outliers weighted down"""
+    """Standard deviation in the channel's unit, outliers weighted down"""
     samples: float
-    """integrated autocorrelation time"""
+    """Integrated autocorrelation time, in residuals"""
 
 
 class Residuals(NamedTuple):
-    """A channel of dives near a calibration: model less log, each (residuals, ...)."""
+    """Residuals of a channel near a calibration, model less log, with their Jacobian."""
 
     unit: str
     values: Array
-    """(residuals,) in `unit`"""
+    """Residuals in `unit`, (residuals,)"""
     deviation: Array
-    """(residuals,) in `unit`, so that each counts as an independent one: wider by the root of the
-    autocorrelation time, and for outliers"""
+    """Standard deviations in `unit`, (residuals,), as of independent residuals: the channel's times
+    the root of the autocorrelation time, and larger for outliers"""
     jacobian: Array
-    """(residuals, unknowns) in `unit` per spread of each unknown"""
+    """Slopes in `unit` per spread of each unknown, (residuals, unknowns)"""
     dives: Blocks
-    """(residuals,) place of its dive among the logs"""
+    """Index of each residual's dive among the logs, (residuals,)"""
 
 
 class Comparison(abc.ABC):
-    """Residuals of dives over unknown offsets from nominal, in spreads: the parameters', then
-    those of biases that no calibration holds."""
+    """Residuals of dives as functions of unknown offsets from nominal, in spreads: first those of
+    the parameters, then those of biases, which no calibration holds."""
 
     step = 1e-4
-    """Spreads of the finite differences: far above rounding, far below any curvature."""
+    """Step of the finite differences in spreads: far above rounding, far below any curvature"""
     biases: tuple[str, ...] = ()
 
     def __init__(
@@ -103,7 +102,7 @@ class Comparison(abc.ABC):
         channels: Mapping[str, ComparedQuantity],
         dives: Mapping[str, Sequence[int]],
     ):
-        """`dives`: of each channel the dive of each of its series."""
+        """Compare `channels`; `dives` has the index of the dive of each series, by channel."""
         self.nominal, self.parameters = nominal, parameters
         self.channels, self.dives = channels, dives
         self.centres = np.array([p.get(nominal) for p in parameters])
@@ -112,14 +111,14 @@ class Comparison(abc.ABC):
 
     @abc.abstractmethod
     def missed(self, x: Array) -> dict[str, list[Array]]:
-        """Model less log of each channel, a series for each of `dives`, at these offsets.
+        """Model less log at these offsets: a series for each of `dives`, by channel.
 
         Raises:
-          InputError: nothing flies there.
+          InputError: the vehicle does not fly with these offsets.
         """
 
     def missed_at(self, places: Sequence[Array]) -> Iterator[dict[str, list[Array]]]:
-        """`missed` at one place after the other."""
+        """Yield `missed` at each place in turn."""
         return map(self.missed, places)
 
     @property
@@ -128,7 +127,7 @@ class Comparison(abc.ABC):
         return len(self.parameters) + len(self.biases)
 
     def with_parameter(self, parameter: UnknownParameter) -> Self:
-        """A copy with one parameter more, the last, and the weights of now."""
+        """Return a copy with one more parameter at the end and the present weights."""
         wider = copy.copy(self)
         wider.parameters = (*self.parameters, parameter)
         wider.centres = np.append(self.centres, parameter.get(self.nominal))
@@ -136,10 +135,10 @@ class Comparison(abc.ABC):
         return wider
 
     def calibration(self, x: Array) -> Calibration:
-        """The calibration at these offsets, the biases left out.
+        """Return the calibration at these offsets; biases have no effect on it.
 
-        Made parameter by parameter, from the first on whose offset differs from the last call's: a
-        column of the slopes has most in common with the one before.
+        Parameters are set one after the other. Those before the first changed offset are kept from
+        the last call, because neighbouring columns of the slopes share most of them.
         """
         out = self.nominal
         for k, (parameter, centre) in enumerate(zip(self.parameters, self.centres, strict=True)):
@@ -152,7 +151,7 @@ class Comparison(abc.ABC):
 
     @property
     def lowest(self) -> Array:
-        """Bounds of the offsets from below: no hull grows under pressure."""
+        """Lower bounds of the offsets; a compressibility, for one, is not negative."""
         bounds = [
             (p.least - centre) / p.spread if p.least is not None else -np.inf
             for p, centre in zip(self.parameters, self.centres, strict=True)
@@ -160,7 +159,7 @@ class Comparison(abc.ABC):
         return np.array([*bounds, *(-np.inf for _ in self.biases)])
 
     def _weighted(self, found: Mapping[str, list[Array]]) -> Array:
-        """Residuals in independent deviations, channel by channel."""
+        """Residuals over their standard deviations, channel by channel, in one array."""
         with np.errstate(over="ignore", invalid="ignore"):
             parts = [
                 series * weight
@@ -171,8 +170,8 @@ class Comparison(abc.ABC):
         return np.clip(np.nan_to_num(values, nan=LARGEST), -LARGEST, LARGEST)
 
     def residual(self, x: Array) -> Array:
-        """Weighted residuals followed by the offsets themselves; infinite where nothing flies,
-        from which a search steps back."""
+        """Weighted residuals followed by the offsets, the residuals of the priors. All are infinite
+        where the vehicle does not fly, so that a search steps back."""
         try:
             return np.concatenate([self._weighted(self.missed(x)), x])
         except InputError:
@@ -190,7 +189,7 @@ class Comparison(abc.ABC):
         return np.concatenate([self.slopes(x), np.eye(len(x))])
 
     def residuals(self, x: Array) -> dict[str, Residuals]:
-        """Residuals of each channel near these offsets, with the weights of now."""
+        """Residuals of each channel near these offsets, with the present weights."""
         slopes, missed = self.slopes(x), self.missed(x)
         found, first = {}, 0
         for name, weights in self.weights.items():
@@ -208,7 +207,7 @@ class Comparison(abc.ABC):
 
     @property
     def blocks(self) -> Blocks:
-        """The dive of each residual; PRIOR of the offsets."""
+        """Index of the dive of each residual; PRIOR for the offsets."""
         parts = [
             np.full(len(weight), dive)
             for name, weights in self.weights.items()
@@ -219,7 +218,7 @@ class Comparison(abc.ABC):
     def reweight(
         self, x: Array, known: Mapping[str, ResidualNoise] | None = None
     ) -> dict[str, ResidualNoise]:
-        """Weights of the next fit, by the residuals themselves, or by a `known` noise."""
+        """Set the weights by the residuals at `x`, or by a `known` noise; return the noise."""
         found = {}
         for name, series in self.missed(x).items():
             if not sum(map(len, series)):
@@ -233,7 +232,7 @@ class Comparison(abc.ABC):
         return found
 
     def _noise(self, name: str, series: Sequence[Array]) -> ResidualNoise:
-        """Deviation and autocorrelation of a channel's residuals, outliers weighted down."""
+        """Standard deviation and autocorrelation of residuals, outliers weighted down."""
         channel, together = self.channels[name], np.concatenate(list(series))
         kept = shares(series, max(robust_scale(together), channel.least))
         share = np.concatenate(kept)
@@ -252,9 +251,10 @@ class Comparison(abc.ABC):
         progress: Callable[[float], None] = lambda part: None,
         **ends: Any,
     ) -> tuple[Array, dict[str, ResidualNoise]]:
-        """Robust least squares from `x` on: offsets and noise, weights taken again each pass.
+        """Robust least squares from `x` on; weights are set again after each of `passes`.
 
-        `first`: noise that the first pass weighs by, where the residuals at `x` say nothing yet.
+        The noise `first` sets the weights of the first pass where the residuals at `x` are no
+        guide. Returns the offsets and the noise.
         """
         low, high = bounds or (self.lowest, np.full(self.size, np.inf))
         noise = self.reweight(x, first)
@@ -266,7 +266,7 @@ class Comparison(abc.ABC):
         return x, noise
 
     def fitted(self, x: Array) -> Fitted:
-        """Calibration and covariance of a fit that ended at `x`."""
+        """Result of a fit that ended at `x`."""
         return Fitted(
             calibration=self.calibration(x),
             parameters=self.parameters,
@@ -278,21 +278,21 @@ class Comparison(abc.ABC):
 
 
 class Fitted(NamedTuple):
-    """Where the fit of a comparison ended, and how sure it is."""
+    """Result of a comparison's fit, with its covariance."""
 
     calibration: Calibration
     parameters: tuple[UnknownParameter, ...]
     centres: Array
     offsets: Array
-    """in spreads, the parameters' then the biases'"""
+    """Offsets in spreads, those of the parameters before those of the biases"""
     covariance: Array
-    """of the offsets, by a bootstrap over the dives"""
+    """Covariance of the offsets, by a bootstrap over the dives"""
     deviation: Mapping[str, float]
     """Root mean square of each channel's residuals, in its unit"""
 
 
 def shares(series: Sequence[Array], scale: float) -> list[Array]:
-    """Part of its weight that each residual keeps: half of it OUTLIER deviations off."""
+    """Fraction of its weight that each residual keeps: one half at OUTLIER times `scale`."""
     return [1.0 / (1.0 + (r / (OUTLIER * scale)) ** 2) for r in series]
 
 
@@ -302,7 +302,7 @@ def rms(values: Array) -> float:
 
 
 def robust_scale(values: Array) -> float:
-    """Standard deviation about zero from the median, as for normal values."""
+    """Standard deviation about zero from the median size, as of normal values."""
     return float(1.4826 * np.median(np.abs(values)) + 1e-12)
 
 
@@ -325,7 +325,7 @@ def correlation_samples(series: Sequence[Array], longest: int) -> float:
 
 
 def cut(blocks: Blocks) -> Blocks:
-    """The dives of residuals, cut in equal parts where they are fewer than LEAST_BLOCKS."""
+    """Return the blocks, each dive cut into equal parts where there are fewer than LEAST_BLOCKS."""
     numbers = np.unique(blocks[blocks != PRIOR])
     parts = -(-LEAST_BLOCKS // max(len(numbers), 1))
     if parts == 1:
@@ -344,7 +344,7 @@ def bootstrap(jacobian: Array, residual: Array, blocks: Blocks) -> Array:
     Args:
       jacobian: (residuals, parameters), weighted, at the fit.
       residual: (residuals,), weighted.
-      blocks: (residuals,) the dive of each; PRIOR: what was known before.
+      blocks: (residuals,) index of each residual's dive; PRIOR for the priors.
     """
     blocks = cut(blocks)
     numbers = np.unique(blocks[blocks != PRIOR])
@@ -364,17 +364,17 @@ def bootstrap(jacobian: Array, residual: Array, blocks: Blocks) -> Array:
         right = count @ slope + known.T @ (kept + drawn)
         offsets[draw] = -np.linalg.solve(matrix, right)
     covariance = np.atleast_2d(np.cov(offsets, rowvar=False))
-    # draws of n blocks scatter by (n - 1) / n of the variance
+    # samples of n blocks have (n - 1) / n of the variance
     return np.asarray(covariance * len(numbers) / max(len(numbers) - 1, 1), np.float64)
 
 
 class Gain(NamedTuple):
-    """Loss of squared error of left-out dives by one more parameter."""
+    """Decrease of the squared error of left-out dives by one more parameter."""
 
     share: float
-    """Of the squared error without the parameter; negative when it does harm."""
+    """[1] Decrease over the squared error without the parameter; negative: the error grows"""
     deviations: float
-    """The gain over its own standard deviation, by its scatter over the dives."""
+    """Decrease over its own standard deviation, which its scatter over the dives gives"""
 
     @property
     def supported(self) -> bool:
@@ -383,12 +383,12 @@ class Gain(NamedTuple):
 
 
 def gain_of(comparison: Comparison, x: Array, candidate: UnknownParameter) -> Gain:
-    """Gain by one more parameter in predicting dives that a fit leaves out.
+    """Gain by one more parameter in the prediction of left-out dives.
 
     Args:
-      comparison: fitted, with the weights of its fit, which both sides are judged by.
-      x: the fit, offsets from nominal.
-      candidate: not among its parameters.
+      comparison: fitted; its weights judge the fits with and without the candidate.
+      x: offsets from nominal of its fit.
+      candidate: the further parameter, not among those of the comparison.
     """
     wider = comparison.with_parameter(candidate)
     at = np.append(x, 0.0)
@@ -402,13 +402,13 @@ def gain_of(comparison: Comparison, x: Array, candidate: UnknownParameter) -> Ga
 
 
 def left_out(jacobian: Array, residual: Array, blocks: Blocks) -> Array:
-    """Sums of squared residuals of each dive, as a fit to the others predicts them, (blocks,).
+    """Sums of squared residuals of each dive, predicted by a fit to the other dives, (blocks,).
 
     Args:
       jacobian: (residuals, parameters), weighted, near the fit to all.
       residual: (residuals,), weighted.
-      blocks: (residuals,) the dive of each; PRIOR: what was known before. Few dives are cut in
-        parts (`cut`).
+      blocks: (residuals,) index of each residual's dive; PRIOR for the priors. Few dives are cut
+        into parts (`cut`).
     """
     blocks = cut(blocks)
     matrix, slope = jacobian.T @ jacobian, jacobian.T @ residual

@@ -1,4 +1,4 @@
-"""Conventions: the figures of an identified glider as other flight models call them, both ways.
+"""Conventions: numbers of a glider under the names of other flight models, both ways.
 
 Seaglider basestation (Eriksen et al. 2001, IEEE J. Oceanic Eng. 26(4); basestation3): with the
 dynamic pressure q = rho0 V^2 / 2, the glider's length l and the angle of attack a in degrees,
@@ -7,8 +7,8 @@ dynamic pressure q = rho0 V^2 / 2, the glider's length l and the angle of attack
     volume = (volmax - vbd at volmax + vbd - vbdbias) exp(therm_expan (T - temp_ref)
         - abs_compress P),
 
-volumes in cm3, pressure in dbar. Drag falls with speed there; ours does not, so that the two agree
-at one speed, which the file names. `volmax` is the volume with all oil outside: at the pump's end.
+volumes in cm3, pressure in dbar. Their drag coefficient falls with speed, and ours does not: both
+agree at one speed, which the file names. `volmax` is the volume at the pump's end, all oil outside.
 
 gliderflight (Merckelbach et al. 2010, 2019): q = rho U^2 / 2, area S = 0.1 m2, a in radian,
 
@@ -38,13 +38,14 @@ DEGREE = math.pi / 180.0
 DBAR = 1e4
 """[Pa]"""
 HD_S, TEMP_REF = -0.25, 15.0
-"""Of the basestation's defaults: power of the dynamic pressure in the drag, [degree_Celsius]."""
+"""Defaults of the basestation: power of the dynamic pressure in the drag; reference temperature
+[degree_Celsius]"""
 SPEED = 0.3
-"""[m/s] at which the basestation's drag is taken to be ours where no other is given"""
+"""[m/s] Speed at which both drags agree where no other is given"""
 AREA = 0.1
-"""[m2] S of gliderflight"""
+"""[m2] Reference area S of gliderflight"""
 ASPECT, SWEEP = 7.0, 43.0 * DEGREE
-"""Of a Slocum's wings, as gliderflight has them"""
+"""Aspect ratio and sweep [rad] of a Slocum's wings in gliderflight"""
 WING = 2.0 * math.pi * ASPECT / (2.0 + math.sqrt(ASPECT**2 * (1.0 + math.tan(SWEEP) ** 2) + 4.0))
 """[1/rad] aw: lift slope of such wings (Merckelbach et al. 2010)"""
 
@@ -52,7 +53,7 @@ Figures = dict[str, float]
 
 
 def to_basestation(calibration: Calibration, speed: float = SPEED) -> Figures:
-    """As `sg_calib_constants.m` calls them; the drag agrees at `speed` [m/s]."""
+    """Numbers by their names in `sg_calib_constants.m`; the drag agrees at `speed` [m/s]."""
     vehicle = calibration.vehicle
     density, length = vehicle.reference_density, vehicle.hull_length
     law = vehicle.flow_frame
@@ -80,7 +81,7 @@ def to_basestation(calibration: Calibration, speed: float = SPEED) -> Figures:
 
 
 def from_basestation(figures: Mapping[str, float], calibration: Calibration) -> Calibration:
-    """The calibration with a basestation's figures; those that are not given stay."""
+    """Return the calibration with a basestation's figures; those that are not given stay."""
     mine = {**to_basestation(calibration, figures.get("speed", SPEED)), **figures}
     density, length = mine["rho0"], mine["glider_length"]
     size = 0.5 * density * length**2
@@ -95,7 +96,7 @@ def from_basestation(figures: Mapping[str, float], calibration: Calibration) -> 
 
 
 def to_gliderflight(calibration: Calibration) -> Figures:
-    """As gliderflight's `define` takes them."""
+    """Numbers by their names in gliderflight's `define`."""
     vehicle = calibration.vehicle
     law = vehicle.flow_frame
     size = 0.5 * vehicle.reference_density * AREA
@@ -113,7 +114,7 @@ def to_gliderflight(calibration: Calibration) -> Figures:
 
 
 def from_gliderflight(figures: Mapping[str, float], calibration: Calibration) -> Calibration:
-    """The calibration with gliderflight's figures; those that are not given stay."""
+    """Return the calibration with gliderflight's figures; those that are not given stay."""
     mine = {**to_gliderflight(calibration), **figures}
     volume = mine["Vg"] + CUBIC_CM * pump_of(calibration).neutral
     size = 0.5 * (mine["mg"] / volume) * mine["S"]
@@ -142,7 +143,7 @@ POSITIVE = ("mass", "rho0", "glider_length", "hd_b", "volmax", "speed", "Cd0", "
 
 
 def write_figures(calibration: Calibration, path: Path) -> str:
-    """Write them: `.m` for a basestation, `.json` for gliderflight. Returns the kind.
+    """Write figures, `.m` for a basestation, `.json` for gliderflight; return which of the two.
 
     Raises:
       InputError: another ending. WriteError: the disk refuses.
@@ -166,11 +167,10 @@ def write_figures(calibration: Calibration, path: Path) -> str:
 
 
 def read_figures(path: Path, calibration: Calibration) -> Calibration:
-    """The calibration with the figures of a file of either kind.
+    """Return the calibration with the figures of a file of either type.
 
-    A basestation's file may hold any other assignments and comments of MATLAB; of its numbers the
-    figures of `to_basestation` are taken. A gliderflight file is JSON, and a name that is none of
-    its figures is refused.
+    A basestation's file may hold any assignments and comments of MATLAB; names that are not in
+    `to_basestation` are skipped. A gliderflight file is JSON, and unknown names are refused.
 
     Raises:
       InputError: no such file, no figure in it, an unknown name in JSON, or a value that is none.

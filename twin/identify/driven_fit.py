@@ -1,13 +1,13 @@
-"""Driven fit: a propelled vehicle from its own runs, and how it flies those that it has not seen.
+"""Driven fit: parameters of a propelled vehicle from its own runs, and errors on unseen runs.
 
 vehicle = load_vehicle("remus")
 runs = load_runs("bag.zarr", vehicle)
 found = identify_driven(runs[:-1], vehicle)
 judge(runs[-1:], found.calibration), judge(runs[-1:], found.nominal)
 
-Coefficients are factors on those of the vehicle file that a fit starts from, and have the file's
-own names: a derivative of the hull law such as Xuu, the lift slope of a fin, the thrust of the
-screw. Spreads are those by which published sets of one vehicle differ: Prestero's thesis has two
+Parameters are factors on the numbers of the vehicle file at the start, under the file's names: a
+derivative of the hull law such as Xuu, the lift slope of a fin, the thrust of the screw. Spreads
+are the differences between published sets of one vehicle: Prestero's thesis has two
 values for the drag of REMUS 100 (table 8.2: adjusted by a factor of 2.4) and MBARI two for the
 fins, the cross flow and the damping of Tethys (`assets/tethys.xml`).
 """
@@ -57,9 +57,9 @@ DERIVATIVES = {
     "Xvr": ("added mass sideways in a turn, along the hull", 0.1),
     "Xwq": ("added mass downwards while pitching, along the hull", 0.1),
 }
-"""Of the law in body axes: what it is, and the spread of its factor's logarithm. Runs hardly tell
-the last eight; held at a file's wrong numbers they would make thrust and drag wrong, and too sure,
-for what they take off the speed in a turn"""
+"""Derivatives of the law in body axes: meaning, and spread of the factor's logarithm. Runs hardly
+determine the last eight. They lower the speed in a turn, so that thrust and drag would be wrong,
+with too small standard deviations, if wrong numbers of a file were held"""
 ADDED_MASSES = (
     (0, "surge", "mass along the hull", 0.3),
     (1, "sway", "mass sideways", 0.1),
@@ -67,26 +67,26 @@ ADDED_MASSES = (
     (4, "pitch", "inertia in pitch", 0.1),
     (5, "yaw", "inertia in yaw", 0.1),
 )
-"""Place in the matrix, name, meaning, and the spread of the factor's logarithm: strip theory and an
+"""Index in the matrix, name, meaning, and spread of the factor's logarithm: strip theory and an
 ellipsoid of a hull's size differ by a tenth across, by more along it"""
 THRUST_SPREAD, LIFT_SPREAD = 0.2, 0.3
-"""Of the factors' logarithms"""
+"""Spreads of the factors' logarithms"""
 NEUTRAL_SPREAD = 2.0
-"""[deg] by which fins sit askew"""
+"""[deg] Spread of the neutral position of fins"""
 PLACE_SPREAD = 3.0
-"""[mm] along the hull of a centre of gravity after trimming"""
+"""[mm] Spread of the centre of gravity along the hull after trimming"""
 ARM_SPREAD = 0.3
-"""of the righting arm's logarithm"""
+"""Spread of the righting arm's logarithm"""
 UNSURE = 3.0
-"""Times as much is open of a vehicle that was made of its dimensions alone"""
+"""Factor on the spreads of a vehicle that was made from its dimensions alone"""
 
 
 def driven_parameters(vehicle: Vehicle, unsure: float = 1.0) -> tuple[UnknownParameter, ...]:
-    """Parameters that can be estimated of a vehicle: the numbers that its file has.
+    """Parameters of a vehicle that can be estimated: numbers that its file has.
 
     Args:
-      vehicle: to start from.
-      unsure: times the usual spreads, but that of the trim.
+      vehicle: the vehicle to start from.
+      unsure: factor on all spreads but that of the trim.
 
     Raises:
       InputError: no propeller, or another hull law than that in body axes, by name.
@@ -124,7 +124,7 @@ def driven_parameters(vehicle: Vehicle, unsure: float = 1.0) -> tuple[UnknownPar
     factors.append(CG_X)
     if vehicle.metacentric_height > 0.0:
         factors.append(RIGHTING_ARM)
-    (trim,) = choose(["neutral_density"])  # a glider's, as well known
+    (trim,) = choose(["neutral_density"])  # with a glider's spread
     return (trim, *(dataclasses.replace(p, spread=unsure * p.spread) for p in factors))
 
 
@@ -135,7 +135,7 @@ def _factor(
     get: Callable[[Vehicle], float],
     put: Callable[[Calibration, float], Calibration],
 ) -> UnknownParameter:
-    """A factor on a number of the vehicle file."""
+    """Make the parameter of a factor on a number of the vehicle file."""
 
     def own(calibration: Calibration) -> float:
         return get(parse_vehicle(calibration.vehicle.xml, calibration.vehicle.path))
@@ -186,7 +186,7 @@ def _of_part(part: Part, field: str, what: str, spread: float) -> UnknownParamet
 
 
 def _neutral(name: str) -> UnknownParameter:
-    """Reading of a fin in line with the hull."""
+    """Make the parameter of a fin's reading in line with the hull."""
     return UnknownParameter(
         f"{name}.neutral", "degree", f"reading of the {name} in line with the hull", NEUTRAL_SPREAD,
         lambda c: _number(name, "neutral", c.vehicle) / DEGREE,
@@ -195,13 +195,13 @@ def _neutral(name: str) -> UnknownParameter:
 
 
 def _first_moment(vehicle: Vehicle) -> float:
-    """[kg m] of all masses along the hull, parts at 0."""
+    """First moment [kg m] of all masses along the hull, parts at 0."""
     moved = sum(m.mass * m.neutral_x for m in vehicle.masses)
     return vehicle.static_mass * float(vehicle.static_cg[0]) + moved
 
 
 def _moved(calibration: Calibration, axis: int, moment: float) -> Calibration:
-    """The hull's centre of gravity moved along an axis by a moment [kg m]."""
+    """Move the hull's centre of gravity along an axis by a moment [kg m]."""
     place = calibration.vehicle.static_cg.copy()
     place[axis] += moment / calibration.vehicle.static_mass
     return calibration.with_vehicle(static_cg=place)
@@ -221,19 +221,19 @@ RIGHTING_ARM = UnknownParameter(
 
 
 LEAST_PIECES = 6
-"""Pieces of 20 s below which nothing is fitted: two minutes"""
+"""Fewest windows of 20 s for a fit: two minutes"""
 SILENT = 0.95
-"""Part of its spread that a parameter's deviation must fall below to be moved at all: above it the
-runs say nothing, and the vehicle file's number stands"""
+"""[1] Standard deviation over spread above which the runs say nothing of a parameter: it then stays
+the vehicle file's"""
 LOOKS = (5, 3, 3)
-"""Evaluations of each fit; between them weights, and the currents at the starts, are taken again"""
+"""Evaluations in each fit; weights and the currents at the starts are set again after each fit"""
 FAR_LOOKS = (15, 15)
-"""Evaluations before them, from a vehicle of which only the dimensions were known"""
+"""Evaluations in each earlier fit, for a vehicle that was made from its dimensions alone"""
 ENDS: dict[str, Any] = {"xtol": 1e-2, "ftol": 1e-3}
 FAR_ENDS: dict[str, Any] = {"xtol": 1e-4, "ftol": 1e-5}
 TOGETHER = "with the others only: the runs do not determine it"
 SLOWEST = 0.1
-"""[m/s] below which a vehicle lies still"""
+"""[m/s] Speed below which a vehicle lies still"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -241,21 +241,21 @@ class DrivenErrors:
     """Errors of a vehicle's flight of runs that its fit has not seen."""
 
     speed: float
-    """Mean size of the error of a flight's mean surge, over that surge"""
+    """[1] Mean magnitude of the error of a window's mean surge, over that surge"""
     turn_rate: float
-    """Error of the yaw rate over the yaw rate, both root mean square"""
+    """[1] RMS error of the yaw rate over the RMS yaw rate"""
     depth_rate: float
-    """Error of the depth rate over the depth rate, both root mean square"""
+    """[1] RMS error of the depth rate over the RMS depth rate"""
     speed_m_s: float
-    """Mean size of the error [m/s]"""
+    """[m/s] Mean magnitude of the error of a window's mean surge"""
     turn_rate_rad_s: float
-    """[rad/s] root mean square"""
+    """[rad/s] RMS error of the yaw rate"""
     depth_rate_m_s: float
-    """[m/s] root mean square"""
+    """[m/s] RMS error of the depth rate"""
     pieces: int
-    """of 20 s"""
+    """Number of compared windows of 20 s"""
     against: str
-    """"truth" of a simulated store, or "log": what the sensors measured"""
+    """"truth": of a simulated store; "log": measured by the sensors"""
 
     def describe(self) -> dict[str, Any]:
         """JSON-able figures."""
@@ -274,12 +274,12 @@ def identify_driven(
     """Estimate the parameters of a propelled vehicle from its runs.
 
     Args:
-      runs: of one vehicle, of one sample period.
-      vehicle: to start from.
-      parameters: names to estimate; by default all that `driven_parameters` has.
+      runs: runs of one vehicle, of one sample period.
+      vehicle: the vehicle to start from.
+      parameters: names to estimate; by default all of `driven_parameters`.
       known: values that are known and not estimated, by name.
-      unsure: times the usual spreads, see `driven_parameters`.
-      progress: called with the part done, 0 to 1.
+      unsure: factor on the spreads, see `driven_parameters`.
+      progress: called with the fraction done, 0 to 1.
 
     Raises:
       InputError: an unknown parameter, too few flights, or a vehicle that does not fly as the runs.
@@ -310,7 +310,7 @@ def identify_driven(
         )
     if kept != free:
         rows = [k for k, p in enumerate(free) if p in kept]
-        covariance = covariance[np.ix_(rows, rows)]  # what is not known makes the rest less sure
+        covariance = covariance[np.ix_(rows, rows)]  # of the fit with the unsure parameters
         x, started = x[[*rows, *range(len(free), len(x))]], problem.started
         problem = DrivenFlights(runs, nominal, kept)
         problem.started = started
@@ -333,10 +333,10 @@ def _fitted(
     *,
     far: bool,
 ) -> tuple[DrivenFlights, Array]:
-    """The problem with its weights, and where its fit ends.
+    """Fit the parameters; return the problem with its weights, and the offsets.
 
-    From `far`, every manoeuvre is an outlier, and what is left of it says nothing: there all
-    residuals of a channel count alike first.
+    With a `far` start every manoeuvre would be an outlier without weight. There, all residuals of a
+    channel have equal weights in the first fits.
     """
     problem = DrivenFlights(runs, nominal, parameters)
     x = np.zeros(problem.size)
@@ -351,7 +351,7 @@ def _fitted(
 
 
 def _alike(problem: DrivenFlights, x: Array) -> dict[str, ResidualNoise]:
-    """Noise of each channel by which no residual is an outlier."""
+    """Noise of each channel with which no residual is an outlier."""
     return {
         name: ResidualNoise(
             deviation=max(rms(np.concatenate(series)), CHANNELS[name][1]), samples=1.0
@@ -369,13 +369,13 @@ def cruise_of(runs: Sequence[DrivenRun], vehicle: Vehicle) -> float:
 
 
 def judge(runs: Sequence[DrivenRun], calibration: Calibration) -> DrivenErrors:
-    """Fly runs with their attitude and compare speed, depth rate, and yaw rate of a second ahead.
+    """Fly runs with their attitude; compare speed, depth rate, and the yaw rate one second ahead.
 
-    Of a run that has no truth the speed is compared with its Doppler log, less the one current that
-    fits it best.
+    The speed of a run without truth is compared with its Doppler log, less the constant current
+    that fits the run best.
 
     Raises:
-      InputError: no Doppler log, nothing without a gap, or the vehicle does not fly.
+      InputError: no Doppler log, no window without a gap, or the vehicle does not fly.
     """
     true = all(run.true_velocity is not None for run in runs)
     problem = DrivenFlights(runs, calibration, ())

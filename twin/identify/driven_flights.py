@@ -1,17 +1,16 @@
-"""Driven flights: a propelled vehicle flown through its runs with the attitude that it had.
+"""Driven flights: simulated runs of a propelled vehicle with the measured attitude.
 
 The log gives the attitude, the body's rates and the positions of the parts. The three equations of
-translation are integrated, as a glider's flight model does (`twin.identify.translation`), here by
-the whole Fossen model: thrust, fins, moving masses, hull law. At every sample the same equations
-give the angular acceleration, so that the pitch and yaw rates of a second ahead follow from the
-measured ones. A hull whose fins leave it unstable in yaw, as that of REMUS 100 is (Prestero 2001),
-cannot be flown for longer on the logged positions alone: whatever it starts with grows threefold a
-second.
+translation are integrated, as in a glider's flight model (`twin.identify.translation`), by the
+whole Fossen model: thrust, fins, moving masses, hull law. At every sample the same equations give
+the angular acceleration, so that pitch and yaw rate one second ahead follow from the measured ones.
+With its fins at rest REMUS 100 is unstable in yaw (Prestero 2001): an error at the start grows
+threefold a second, so that logged positions alone cannot be flown for longer.
 
-Compared are the surge and sway of a Doppler log, the depth rate and both rates. A Doppler log over
-ground sees the current too; each run has one, an unknown of the fit beside the parameters, which
-parts from the speed where the run has other headings. So are the log's scale and its turn in its
-mount.
+The residuals are those of a Doppler log's surge and sway, of the depth rate and of both rates. A
+Doppler log over ground measures the current too. The current of each run is an unknown of the fit,
+and separates from the speed where the run has several headings. The scale of the Doppler log and
+the three angles of its mount are unknowns of each run too.
 """
 
 from __future__ import annotations
@@ -37,28 +36,28 @@ from twin.mission.glide_balance import mass_matrix, surplus_at
 from twin.vehicle.vehicle import Vehicle
 
 PIECE = 20.0
-"""[s] of a piece of a run: three times what the surge of such vehicles takes to settle, so that
-one piece says nothing of the next"""
+"""[s] Length of a window of a run: three times the settling time of such vehicles' surge, so that
+windows are independent"""
 SETTLE = 15.0
-"""[s] after a start that are not compared"""
+"""[s] Time after a start that is not compared"""
 START = 1.0
-"""[s] over which the velocity at a start is the median"""
+"""[s] Time over which the velocity at a start is the median"""
 LEAD = 1.0
-"""[s] ahead that rates are told"""
+"""[s] Time ahead for which rates are predicted"""
 STEP = 0.1
-"""[s] longest of the integration"""
+"""[s] Longest step of the integration"""
 CURRENT = 0.2
-"""[m/s] spread of each component of a run's current"""
+"""[m/s] Spread of each component of a run's current"""
 PITCH = math.radians(0.25)
-"""[rad] spread of each run's pitch sensor about its zero: by the data sheets of attitude sensors
-and by the bias that a gyroscope has from switching on to switching off"""
+"""[rad] Spread of the zero of the pitch sensor in each run: by the data sheets of attitude sensors,
+and by the gyroscope's bias after each switching on"""
 SENSORS = ("pitch_offset", "dvl_scale", *(f"dvl_turn_{axis}" for axis in "xyz"))
-"""Errors that each run has of its own"""
+"""Sensor errors that are unknown in each run"""
 DOPPLER_SCALE, DOPPLER_TURN = 0.005, math.radians(0.5)
-"""Spreads of a Doppler log's scale and of its turn about each axis of its mount [rad] in each run:
-the shipped instrument's (`twin.sensors.dvl`)"""
+"""Spreads of a Doppler log's scale [1] and of its angle about each axis of its mount [rad] in each
+run, those of the shipped instrument (`twin.sensors.dvl`)"""
 LONGEST_CORRELATION = 60.0
-"""[s] up to which autocorrelation is summed"""
+"""[s] Longest lag over which autocorrelation is summed"""
 CHANNELS = {
     "surge": ("m s-1", 0.005),
     "sway": ("m s-1", 0.005),
@@ -66,23 +65,23 @@ CHANNELS = {
     "pitch_rate": ("rad s-1", math.radians(0.2)),
     "yaw_rate": ("rad s-1", math.radians(0.2)),
 }
-"""Unit of each channel, and the deviation that it is off by at least: a Doppler log's noise and a
-pressure sensor's. The rates are those of a second ahead; theirs is what a fin that moves between
-two samples makes of them. With a gyroscope's own noise, a tenth of that, every manoeuvre would be
-an outlier, and the rest has little but noise to tell of moments."""
+"""Unit of each channel and lower bound of its standard deviation: noise of a Doppler log and of a
+pressure sensor. Bounds of the rates, one second ahead, are the effect of a fin that moves between
+two samples. With a gyroscope's own noise, a tenth of that, every manoeuvre would be an outlier, and
+the remaining samples hardly determine the moments."""
 FASTEST = 20.0
-"""[m/s] that no such vehicle reaches"""
+"""[m/s] Speed that no such vehicle reaches"""
 
 
 class DrivenMotion(NamedTuple):
     """Motion of a vehicle in a run; arrays are (time,)."""
 
     velocity: Translation
-    """through the water"""
+    """Velocity through the water"""
     depth_rate: Array
-    """[m/s], filtered as the run's"""
+    """[m/s] Depth rate through the run's filter"""
     turning: Array
-    """Roll, pitch and yaw acceleration [rad/s2], body FRD, means up to the next, (3, time)"""
+    """[rad/s2] Roll, pitch, yaw acceleration, body FRD, (3, time); means up to the next sample"""
 
 
 def fly_run(
@@ -91,9 +90,8 @@ def fly_run(
     """Fly a run with its attitude.
 
     Args:
-      current: north, east [m/s], (2,): what a Doppler log over ground has at the start besides the
-        motion through the water.
-      offset: true pitch [rad] less the sensor's, beside that of the calibration.
+      current: north, east [m/s], (2,), taken off a Doppler log over ground at the start.
+      offset: true pitch [rad] less the sensor's, in addition to the calibration's.
 
     Raises:
       InputError: the vehicle does not fly it.
@@ -137,7 +135,7 @@ def fly_run(
 def _change(  # type: ignore[no-untyped-def]
     p: ForceParameters, depth, down, rates, positions, velocity, still, flat, rolling, rolled
 ):
-    """Acceleration (6,) [m/s2, rad/s2] with this attitude and roll acceleration `rolling`."""
+    """Acceleration (6,) [m/s2, rad/s2] at this attitude with the roll acceleration `rolling`."""
     nu = np.empty(6)
     nu[:3], nu[3:] = velocity, rates
     displaced = displaced_mass(p, depth, pumped(p, positions)[0])
@@ -153,8 +151,8 @@ def _fly(  # type: ignore[no-untyped-def]
 ) -> Any:
     """Velocity and angular acceleration (time, 3), by Heun's method; 0 where the run is not used.
 
-    Between samples a part goes on as one with its lag [s] to a command that holds, the attitude and
-    the rates along straight lines. `turning` is the mean up to the next sample.
+    Between samples a part moves with its lag [s] towards a constant command, and attitude and rates
+    are linear. The angular acceleration is the mean up to the next sample.
     """
     count = depth.size
     velocity, turning = np.zeros((count, 3)), np.zeros((count, 3))
@@ -192,18 +190,18 @@ def _fly(  # type: ignore[no-untyped-def]
 
 
 def _rolled(vehicle: Vehicle, positions: Array) -> Array:
-    """Accelerations that go with a roll acceleration of 1 rad/s2 by a moment, (6,).
+    """Accelerations by a roll moment that gives a roll acceleration of 1 rad/s2, (6,).
 
-    The roll acceleration is the measured one: a hull is so slim that half a degree of the roll
-    sensor would give it 0.3 rad/s2.
+    They replace the model's roll acceleration by the measured one: on so slim a hull half a degree
+    of the roll sensor's error would make 0.3 rad/s2.
     """
     column = np.linalg.inv(mass_matrix(vehicle, positions))[:, 3]
     return np.asarray(column / column[3])
 
 
 def _start(run: DrivenRun, first: int, vehicle: Vehicle, turned: Array, current: Array) -> Array:
-    """Velocity through the water [m/s] at a start: the Doppler log's, or without one that at which
-    thrust and drag balance."""
+    """Velocity through the water [m/s] at a start: the Doppler log's; without a log, the one at
+    which thrust and drag balance."""
     near = slice(first, first + max(round(START / run.period), 1))
     velocity, measured = np.zeros(3), run.velocity[:, near]
     if np.isfinite(measured[0]).any():
@@ -222,7 +220,7 @@ def _start(run: DrivenRun, first: int, vehicle: Vehicle, turned: Array, current:
 
 
 def settled(run: DrivenRun) -> NDArray[np.bool_]:
-    """Samples of a run in which its start is forgotten."""
+    """Mask of a run's samples after SETTLE seconds, when its start has no more effect."""
     skip = round(SETTLE / run.period)
     out, since = np.zeros(len(run.use), bool), 0
     for k, used in enumerate(run.use):
@@ -232,7 +230,7 @@ def settled(run: DrivenRun) -> NDArray[np.bool_]:
 
 
 class DrivenFlights(Comparison):
-    """The channels of CHANNELS, a series for each piece of a run."""
+    """Residuals of CHANNELS, a series for each window of a run."""
 
     step = 1e-3
 
@@ -246,14 +244,14 @@ class DrivenFlights(Comparison):
         self.afloat = [
             k for k, run in enumerate(runs) if (run.ground & np.isfinite(run.velocity[0])).any()
         ]
-        """runs whose Doppler log sees the current"""
+        """Indices of runs whose Doppler log measures the current"""
         currents = [(f"current_{a}", runs[k]) for k in self.afloat for a in ("north", "east")]
         sensors = [(name, run) for name in SENSORS for run in runs]
         self.biases = tuple(f"{name} of run {run.index}" for name, run in (*sensors, *currents))
         self.started = np.zeros((len(runs), 2))
-        """currents [m/s] that the runs' starts are freed of"""
+        """[m/s] Currents that are taken off the velocities at the runs' starts"""
         self.pieces = [(k, piece) for k, run in enumerate(runs) for piece in _pieces(run)]
-        """Run and compared samples of each piece by channel"""
+        """Index of the run and compared samples by channel, for each window"""
         # ground velocity of a current of 1 m/s north and east, body FRD, (time, 3, 2)
         self.turned = [
             euler_to_matrix(run.roll, run.pitch, run.heading).transpose(0, 2, 1)[:, :, :2]
@@ -272,14 +270,14 @@ class DrivenFlights(Comparison):
         self._kept: list[tuple[bytes, DrivenMotion] | None] = [None] * len(runs)
 
     def currents(self, x: Array) -> Array:
-        """North, east [m/s] of each run at these offsets, (runs, 2)."""
+        """Current north and east [m/s] of each run at these offsets, (runs, 2)."""
         found = np.zeros((len(self.runs), 2))
         first = len(self.parameters) + len(SENSORS) * len(self.runs)
         found[self.afloat] = CURRENT * x[first:].reshape(-1, 2)
         return found
 
     def flown(self, x: Array) -> list[DrivenMotion]:
-        """Motion in all runs at these offsets; a run that nothing has changed for is kept."""
+        """Motion in all runs at these offsets; a run with unchanged inputs is not flown again."""
         count, calibration = len(self.parameters), self.calibration(x)
         found = []
         for k, run in enumerate(self.runs):
@@ -326,8 +324,8 @@ class DrivenFlights(Comparison):
 
 
 def ahead(run: DrivenRun, motion: DrivenMotion, axis: int) -> Array:
-    """Rate [rad/s] about an axis that the equations tell from each sample a second ahead, less the
-    measured one there, (time - a second,)."""
+    """Rate [rad/s] about an axis, predicted from each sample one second ahead, less the measured
+    rate there, (time - one second,)."""
     count = round(LEAD / run.period)
     grown = np.concatenate([[0.0], np.cumsum(run.period * motion.turning[axis, :-1])])
     rate = run.rates[axis]
@@ -335,7 +333,7 @@ def ahead(run: DrivenRun, motion: DrivenMotion, axis: int) -> Array:
 
 
 def _pieces(run: DrivenRun) -> list[dict[str, NDArray[np.int_]]]:
-    """Compared samples of each piece of a run by channel."""
+    """Compared samples of each window of a run, by channel."""
     good, count = settled(run), round(LEAD / run.period)
     length = round(PIECE / run.period)
     found = []

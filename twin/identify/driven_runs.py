@@ -1,4 +1,4 @@
-"""Driven runs: what identification reads of the runs of a vehicle under a propeller.
+"""Driven runs: signals of the runs of a propelled vehicle for identification.
 
 A run has the attitude, the depth, the positions of the parts that drive and steer, and where there
 is a Doppler log its velocity, over ground or through the water.
@@ -35,39 +35,37 @@ NEEDED = ("measured_depth", "measured_roll", "measured_pitch", "measured_heading
 DOPPLER = tuple(f"measured_dvl_{name}" for name in ("surge", "sway", "heave"))
 TRUTH = ("true_surge", "true_sway", "true_heave")
 STEERED = ("speed", "heading", "pitch")
-"""Controls whose parts must have positions: without one of them a run is flown by something that
-nobody knows"""
+"""Controls whose parts must have positions: without them the inputs of a run are unknown."""
 DEPTH_WINDOW, LEAST_WINDOW = 3.0, 5
-"""[s], samples of the depth rate's filter: shorter than such a vehicle takes to pitch"""
+"""[s], samples: window of the depth rate's filter, shorter than such a vehicle takes to pitch"""
 LAYER = 2.0
-"""[m] of the density profile that is taken from a run"""
+"""[m] Thickness of the layers of a run's density profile"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class DrivenRun(Record):
-    """One run; arrays are (time,) unless they say another shape."""
+    """One run; arrays are (time,) unless another shape is given."""
 
     velocity: Array
-    """[m/s] by the Doppler log, body FRD, (3, time); NaN where it says none"""
+    """[m/s] Velocity by the Doppler log, body FRD, (3, time); NaN where it has none"""
     ground: Mask
-    """where that is over ground, and not through the water"""
+    """True where that velocity is over ground, False where it is through the water"""
     positions: Array
-    """of the parts, (time, parts), in their units"""
+    """Positions of the parts in their units, (time, parts)"""
     commanded: tuple[str, ...]
-    """parts of which the run has the commands only: their positions are those that the vehicle
-    file's lag and largest rate make of them"""
+    """Parts with commands only: their positions follow by the vehicle file's lags and rates."""
     silent: tuple[str, ...]
-    """parts of which it has neither: they rest"""
+    """Parts with neither positions nor commands: they rest."""
     density: tuple[Array, Array] | None
-    """depths [m] and in-situ densities [kg/m3] of the water; None: the run does not measure it"""
+    """Depths [m] and in-situ densities [kg/m3] of the water; None: the run does not measure it"""
     true_velocity: Array | None
-    """[m/s] through the water, body FRD, (3, time), of a simulated run; never used to fit"""
+    """[m/s] Velocity through the water of a simulated run, body FRD, (3, time); never fitted"""
 
     def filtered(self, values: Array) -> Array:
-        """Rates (time,) as the depth rate's filter shows them: the slopes of what they add up to.
+        """Pass rates (time,) through the depth rate's filter: the filtered slope of their integral.
 
-        The slope of a parabola through a window is smoother than the parabola's own middle: a model
-        that went through the latter was 2 cm/s off where a vehicle pitches over.
+        Smoothing the rates by the parabola's middle instead was 2 cm/s off where a vehicle pitches
+        over, because the slope of a parabola is smoother.
         """
         way = cumulative_trapezoid(values, dx=self.period, initial=0.0)
         return savgol_filter(way, self.window, 2, deriv=1, delta=self.period)
@@ -79,7 +77,7 @@ def load_runs(
     """Runs of a store, real or simulated, of a vehicle with a propeller.
 
     Args:
-      vehicle: whose parts the store's positions are of. rows: which runs, all by default.
+      vehicle: the vehicle with the parts. rows: numbers of the runs, all by default.
 
     Raises:
       StoreError: no such store, an unknown row, or a channel that is missing, by its name.
@@ -114,7 +112,7 @@ def load_runs(
 def _run(
     row: int, signals: Mapping[str, Array], period: float, vehicle: Vehicle
 ) -> DrivenRun | None:
-    """One run; None where one of the channels that it needs says nothing."""
+    """One run; None where a needed channel has no values."""
     depth, roll, pitch = (filled(signals[name]) for name in NEEDED[:3])
     heading = filled(unwrapped(signals["measured_heading"]))
     measured = [filled(signals[name]) for name in RATES]
@@ -174,11 +172,11 @@ def _run(
 
 
 def _biases(rates: Array, roll: Array, pitch: Array, heading: Array, period: float) -> Array:
-    """Rates of gyroscopes (3, time) less those of the attitude [rad], medians, (3,).
+    """Biases of gyroscopes: medians of their rates (3, time) less those of the attitude, (3,).
 
-    Minutes of attitude tell it to a hundredth of a degree a second. A gyroscope's bias from
-    switching on to switching off is several times that, and a rudder's neutral position would take
-    it up. The mean would see the roll's error in every turn.
+    Minutes of attitude determine them to 0.01 deg/s. The bias after switching on is several times
+    that, and would shift a rudder's neutral position. A mean would include the roll's error in
+    every turn.
     """
     slopes = [np.gradient(a, period) for a in (roll, pitch, heading)]
     return np.asarray(np.median(rates - body_rates(roll, pitch, *slopes), axis=1))

@@ -1,8 +1,7 @@
-"""Fit: parameters of a vehicle from its own logs, by robust least squares with what is known.
+"""Fit: parameters of a glider from its own logs, by robust least squares with priors.
 
-Each parameter has its nominal value and spread beside what the logs say
-(`twin.identify.comparison`),
-so that what a log cannot tell stays where it was.
+The prior of each parameter is its nominal value and spread, so that a parameter stays near nominal
+where the logs do not determine it (`twin.identify.comparison`).
 """
 
 from __future__ import annotations
@@ -31,35 +30,36 @@ from twin.identify.unknowns import PARAMETERS, UnknownParameter, choose
 from twin.vehicle.parts.pump import CUBIC_CM
 
 LEAST_SAMPLES = 100
-"""Samples under water below which nothing is fitted: a single short dive has more."""
+"""Fewest samples under water for a fit: a single short dive has more."""
 UNDETERMINED = 0.7
-"""Part of its spread that a parameter's deviation must fall below to count as determined: the log
-then says as much as what was known before."""
+"""[1] Standard deviation over spread below which a parameter counts as determined: the log then
+says as much as what was known before."""
 ALWAYS = ("neutral_density", "drag")
-"""Without these two nothing flies as the log does: never kept at nominal."""
+"""Parameters that are never kept at nominal: with a wrong one no flight is like the log's."""
 PASSES = 3
-"""Fits between which weights, deviation and autocorrelation time are taken again."""
+"""Number of fits; after each, weights, noise and autocorrelation time are estimated again."""
 COARSE: dict[str, Any] = {"max_nfev": 8, "xtol": 1e-2, "ftol": 1e-2}
 FINE: dict[str, Any] = {"max_nfev": 12, "xtol": 1e-4, "ftol": 1e-5}
-"""Ends of a search: offsets are in spreads, and a deviation is hardly below a hundredth of one."""
+"""Ends of a search. Offsets are in spreads, of which a standard deviation is 0.01 or more."""
 AT_BOUND = 1e-3
-"""Spreads from its bound at which a parameter is called bounded."""
+"""Distance in spreads from its bound below which a parameter is noted as at its bound."""
 HULLS_DIFFER = 1.5e-10
-"""[1/Pa] from one metal hull to the next: 4e-10 to 7e-10"""
+"""[1/Pa] Half of the range of metal hulls' compressibility, 4e-10 to 7e-10"""
 DRIFT = 20.0
-"""[cm3] that the displaced volume is uncertain by and that changes with depth as a hull's does: air
-in the oil, pumped volume, salinity, temperature of the hull"""
+"""[cm3] Uncertainty of the displaced volume that changes with depth as a hull's does: air in the
+oil, pumped volume, salinity, temperature of the hull"""
 USUAL_RMSE = {"slocum": 0.8, "seaglider": 1.2}
-"""[cm/s] of depth rate that a fit leaves, by the kind's shipped names: medians of four and seven
-public logs, off inflections (docs/results/real_logs.md)"""
+"""[cm/s] Usual RMS residual of the depth rate, by the first part of shipped names: medians of four
+and seven public logs, off inflections (docs/results/real_logs.md)"""
 OTHERS_RMSE = 1.0
-"""[cm/s] likewise, of every other kind"""
+"""[cm/s] Usual RMS residual of the depth rate for every other kind"""
 BAD, WORST = 5.0, 4
-"""Times what is usual from which on a fit is refused, and missions that its message names"""
+"""Multiple of the usual residual above which a fit is refused; number of dives that the message
+names"""
 MOVING = 0.05
-"""[m/s] of depth rate from which a glider sinks or rises."""
+"""[m/s] Smallest depth rate of a glider that sinks or rises"""
 START_FACTORS, START_LOGS = (0.5, 1.0, 2.0, 4.0, 8.0), 3
-"""Drag over nominal at which the search starts, and missions that it looks at."""
+"""Values of drag over nominal at which the search starts; number of dives that choose among them"""
 
 
 def identify(
@@ -75,15 +75,15 @@ def identify(
     """Estimate a vehicle's parameters from its logs.
 
     Args:
-      logs: missions of one vehicle, of one sample period.
+      logs: dives of one vehicle, of one sample period.
       nominal: vehicle file to start from, with the sensors' known errors.
       parameters: names to estimate; by default all that the logs may determine, and a pitch offset
         where left-out dives are predicted better with it (`twin.identify.comparison`).
       known: names whose nominal value is known; not estimated.
       model: "flight", with inertia; "steady", forces in balance. Both are compared with the log
         where pump and pitch rest: an inflection says more about the pump than about the hull.
-      fixes: compare the currents between fixes too. Without it nothing but the depth rate is used.
-      progress: called with the part done, 0 to 1.
+      fixes: compare the currents between fixes too. False: the depth rate is compared alone.
+      progress: called with the fraction done, 0 to 1.
 
     Raises:
       InputError: an unknown parameter, too little data, or no fit that flies.
@@ -144,7 +144,7 @@ def identify(
 def free_of(
     wanted: Sequence[UnknownParameter], notes: Mapping[str, str]
 ) -> tuple[UnknownParameter, ...]:
-    """Parameters without a note; InputError where none is left, with the notes."""
+    """Return the parameters without a note; InputError with all notes where none is left."""
     free = tuple(p for p in wanted if p.name not in notes)
     if not free:
         reasons = ", ".join(f"{name}: {why}" for name, why in notes.items())
@@ -153,13 +153,13 @@ def free_of(
 
 
 def _covariance(problem: DepthRates, x: Array) -> Array:
-    """Of the offsets, in spreads."""
+    """Covariance of the offsets, in spreads."""
     jacobian = problem.jacobian(x)
     return np.asarray(np.linalg.inv(jacobian.T @ jacobian), np.float64)
 
 
 def _check_residual(problem: DepthRates, x: Array, found: Identification) -> None:
-    """Refuse a fit that says that something else than the vehicle made the depth rate."""
+    """Refuse a fit whose residual is too large for the hull alone to have made the depth rate."""
     name = found.nominal.vehicle.name
     usual = next((cm for kind, cm in USUAL_RMSE.items() if name.startswith(kind)), OTHERS_RMSE)
     if 100.0 * found.depth_rate_rmse <= BAD * usual:
@@ -188,7 +188,7 @@ def _check_residual(problem: DepthRates, x: Array, found: Identification) -> Non
 
 
 def centred(logs: Sequence[Log], nominal: Calibration) -> Calibration:
-    """Start the trim where the vehicle would neither sink nor rise."""
+    """Return the calibration with the trim at which the logs' vehicle neither sinks nor rises."""
     densities = [np.median(log.density) for log in logs if log.density is not None]
     density = float(np.median(densities)) if densities else nominal.water_density
     mass = nominal.vehicle.mass
@@ -197,8 +197,8 @@ def centred(logs: Sequence[Log], nominal: Calibration) -> Calibration:
 
 
 def _neutral_pump(logs: Sequence[Log]) -> float:
-    """Pumped volume [cm3] of no vertical force: what the log sinks and rises with, parted as the
-    squares of the depth rates, which forces go with; 0 where it does not both sink and rise."""
+    """Pumped volume [cm3] without vertical force, between the medians of sinking and rising. Forces
+    grow with the squared depth rates, which weight them; 0 where the logs lack either."""
     pump, rate = (
         np.concatenate([getattr(log, name)[log.use] for log in logs])
         for name in ("pump", "depth_rate")
@@ -213,7 +213,7 @@ def _neutral_pump(logs: Sequence[Log]) -> float:
 def _lacking(
     parameter: UnknownParameter, logs: Sequence[Log], problem: DepthRates, *, asked: bool
 ) -> str:
-    """Why the logs cannot tell anything about a parameter; empty when they may."""
+    """Reason why the logs say nothing about a parameter; empty where they may."""
     channel = parameter.channel
     if channel == "temperature" and any(log.temperature is None for log in logs):
         return "the log has no temperature"
@@ -229,7 +229,7 @@ def _lacking(
 
 
 def _unsupported(problem: DepthRates, x: Array, candidate: UnknownParameter) -> str:
-    """Why left-out dives do not support a parameter; empty when they do."""
+    """Reason why left-out dives do not support a parameter; empty where they do."""
     if len(problem.logs) < LEAST_DIVES:
         return f"{len(problem.logs)} dives: from {LEAST_DIVES} on, left-out dives judge it"
     gain = gain_of(problem, x, candidate)
@@ -242,7 +242,7 @@ def _unsupported(problem: DepthRates, x: Array, candidate: UnknownParameter) -> 
 
 
 def _too_shallow(logs: Sequence[Log], nominal: Calibration) -> str:
-    """Why dives are not deep enough to tell one hull from another; empty when they are."""
+    """Reason why dives are too shallow to tell one hull from another; empty where they are not."""
     vehicle = nominal.vehicle
     deepest = float(np.median([log.depth[log.use].max(initial=0.0) for log in logs]))
     pressure = vehicle.reference_density * vehicle.gravity * deepest
@@ -261,7 +261,7 @@ def _start(
     free: tuple[UnknownParameter, ...],
     model: FlightModel,
 ) -> Array:
-    """Offsets to start from: trim and drag fitted to a few missions from several drags."""
+    """Offsets to start from: trim and drag fitted to the longest dives from several drags."""
     pair = tuple(p for p in free if p.name in ALWAYS)
     if not pair:
         return np.zeros(len(free))

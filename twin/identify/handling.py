@@ -1,11 +1,11 @@
-"""Handling: what a vehicle needs beyond its speed to fly as its log: pitch, turns, travel, gains.
+"""Handling: pitch, turns, travel of the parts and gains of a vehicle, fitted after its speed.
 
     found = identify(logs, load_calibration("seaglider"))     # trim, drag, hull, sensors
     handling = handle(logs, found)                            # pitch, turns, loops
     handling.identification.calibration, handling.failures
 
-Each step starts from the one before: the speeds of the flight model, the pitches that battery and
-pump balance at these, the turns at these glides, and the loops on the dynamics that come out.
+Each step starts from the one before: speeds of the flight model, pitches at which the moments
+balance at these speeds, turns about these glides, and control loops on the resulting dynamics.
 """
 
 from __future__ import annotations
@@ -31,39 +31,39 @@ from twin.mission.glide_balance import steady_glide
 from twin.vehicle.vehicle import Vehicle
 
 FAR = 3.0
-"""Deviations from the vehicle file's beyond which a value is determined, however wide"""
+"""Distance from the vehicle file's value in standard deviations beyond which a value counts as
+determined, whatever its standard deviation"""
 SLACK, ROOM = 0.1, 0.03
-"""Of a part's travel that is left beyond the positions that the log shows, and of the battery's
-that guidance keeps beside those of the usual glide"""
+"""Fraction of a part's travel that is added beyond the log's positions; fraction of the battery's
+travel that guidance keeps free beside the usual glide"""
 UNEVEN = math.radians(3.0)
-"""[rad] between the neutral positions of dives and climbs from which on one does not do for both"""
+"""[rad] Distance between the neutral positions of dives and climbs above which a note says so"""
 FLATTER = math.radians(0.5)
-"""[rad] by which the usual glide is made flatter until the battery holds it"""
+"""[rad] Step by which the usual glide is made flatter until the battery holds it"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Handling:
-    """A vehicle that pitches, turns and is steered as its log, and whether it flies."""
+    """A vehicle that pitches, turns and is steered as its log, with the failures of its proof."""
 
     identification: Identification
-    """With the estimates of pitch and turns beside those of the flight model."""
+    """Identification with the estimates of pitch and turns beside those of the flight model"""
     phases: tuple[Phase, ...]
-    """The log's dive and climb"""
+    """Usual dive and climb of the log"""
     pitch_deviation: float | None
-    """[rad] of the steady pitches from the log's; None: not fitted"""
+    """[rad] RMS residual of the steady pitches; None: not fitted"""
     turn_deviation: float | None
-    """[rad/s] root mean square of the yaw rates' residuals, means of up to a minute and a half;
-    None: not fitted"""
+    """[rad/s] RMS residual of yaw rates averaged over up to 90 s; None: not fitted"""
     yaw_bias: float | None
-    """[rad] sideslip of the asymmetry that turns it at no roll and no rudder"""
+    """[rad] Asymmetry that turns the vehicle at no roll and no rudder, as a sideslip"""
     roll_offset: float | None
-    """[rad] zero of the roll sensor, or of the vehicle's weight"""
+    """[rad] Zero of the roll sensor, or roll of the vehicle's weight"""
     neutral: float | None
-    """[rad] position of the turning part at which it goes straight, as it is flown"""
+    """[rad] Position of the turning part, as flown, at which the vehicle goes straight"""
     failures: tuple[str, ...]
-    """Failures of the vehicle; empty when it trims, is stable and steers in both phases."""
+    """Failures of the vehicle; empty when it trims, is stable and steers in both phases"""
     notes: tuple[str, ...]
-    """Sentences on what was left at the vehicle file's, and why"""
+    """Sentences on values that stay the vehicle file's, with the reasons"""
 
 
 def handle(
@@ -73,18 +73,18 @@ def handle(
     proof: bool = True,
     progress: Callable[[float], None] = lambda part: None,
 ) -> Handling:
-    """Fit pitch and turns, place the gains, and try the vehicle.
+    """Fit pitch and turns, place the gains, and prove the vehicle.
 
     Args:
-      found: from `identify`. proof: fly it, and say what fails.
-      progress: called with the part done, 0 to 1.
+      found: from `identify`. proof: fly the vehicle, and report its failures.
+      progress: called with the fraction done, 0 to 1.
     """
     notes: list[str] = []
     logs, _ = gliding(logs)
     calibration = with_travel(logs, found.calibration)
     identification = dataclasses.replace(found, calibration=calibration)
     balance = None
-    # rollouts of the twin may have fitted the pitch
+    # a fit of the twin's rollouts includes the pitch
     if not {p.name for p in PITCHING} & {e.name for e in found.estimates}:
         balance = balanced(logs, calibration)
         if balance is None:
@@ -138,10 +138,10 @@ def handle(
 
 
 def phases_of(logs: Sequence[Log], calibration: Calibration) -> tuple[Phase, ...]:
-    """The log's usual dive and climb: medians over its steady parts; fewer where one lacks."""
+    """Usual dive and climb of the logs: medians over steady parts; a phase without any lacks."""
     windows = windows_of(logs, calibration)
     vehicle, pump = calibration.vehicle, pump_of(calibration)
-    # the sea's layers add to what the pump does; the vehicle is tried in water of one density
+    # in the log's layers the net mass may exceed the pump's; the proof is in water of one density
     light, heavy = (vehicle.net_mass_for_pump(end) for end in (pump.high, pump.low))
     found = []
     for climbing in (False, True):
@@ -153,15 +153,15 @@ def phases_of(logs: Sequence[Log], calibration: Calibration) -> tuple[Phase, ...
 
 
 def with_usual_glide(calibration: Calibration, phases: Sequence[Phase]) -> tuple[Calibration, str]:
-    """Missions that say no pitch or pump fly as the log did: with half of the net mass between its
-    two phases, and at the flatter of its two pitches, or the steepest below it that the battery
-    holds in dives and in climbs.
+    """Set the usual glide, which missions without pitch or pump fly, to the log's.
 
-    The phases had net masses of their own; at the same one both ways the battery may have to go
-    further, where the pump is far from the centre of buoyancy.
+    Its net mass is half of the difference between the two phases. Its pitch is the flatter of their
+    pitches, or the steepest below it that the battery holds in dives and in climbs. With equal net
+    masses the battery may have to move further than in the log, where the pump is far from the
+    centre of buoyancy.
 
     Returns:
-      the calibration, and what was changed and why; empty where the log's pitch is kept.
+      the calibration, and a note with the reason; empty where the log's pitch is kept.
     """
     dive, climb = phases
     pitch = min(abs(dive.pitch), abs(climb.pitch))
@@ -188,7 +188,7 @@ def with_usual_glide(calibration: Calibration, phases: Sequence[Phase]) -> tuple
 
 
 def _holds(vehicle: Vehicle, pitch: float, net_mass: float) -> bool:
-    """Whether the battery holds this glide down and up, with room for guidance at its ends."""
+    """True where the battery holds this glide down and up, with room for guidance at its ends."""
     slide = vehicle.steered("pitch")
     assert slide is not None  # a calibration has one moving battery
     room = ROOM * (slide.high - slide.low)
@@ -201,8 +201,8 @@ def _holds(vehicle: Vehicle, pitch: float, net_mass: float) -> bool:
 
 
 def with_travel(logs: Sequence[Log], calibration: Calibration) -> Calibration:
-    """Parts that reach all positions of the log: encoders have their zeros elsewhere, and pumps
-    their ends."""
+    """Widen the travel of the parts to all positions of the log: real encoders have other zeros,
+    and real pumps other ends."""
     vehicle = calibration.vehicle
     changes: dict[str, dict[str, float]] = {}
     for control, channel in (
@@ -217,7 +217,7 @@ def with_travel(logs: Sequence[Log], calibration: Calibration) -> Calibration:
             continue
         low, high = float(known.min()), float(known.max())
         ends = {"low": min(low, part.low), "high": max(high, part.high)}
-        if control == "pitch":  # another zero: the travel goes with it, and 0 stays inside
+        if control == "pitch":  # the encoder has another zero: the travel moves; 0 stays inside
             slack = SLACK * (part.high - part.low)
             ends = {"low": min(low - slack, 0.0), "high": max(high + slack, 0.0)}
         changes[part.name] = ends
@@ -225,7 +225,7 @@ def with_travel(logs: Sequence[Log], calibration: Calibration) -> Calibration:
 
 
 def _with(identification: Identification, fitted: Fitted) -> Identification:
-    """The identification with the estimates of a fit that came after."""
+    """Return the identification with the estimates of a later fit."""
     deviation, start = np.sqrt(np.diag(fitted.covariance)), identification.calibration
     estimates = []
     for parameter, moved, off in zip(fitted.parameters, fitted.offsets, deviation, strict=False):

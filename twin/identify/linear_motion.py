@@ -1,20 +1,20 @@
-"""Linear motion: how a glide answers small turns and moves of its parts, and loops placed on it.
+"""Linear motion: response of a glide to small turns and moves of its parts, and loops on it.
 
 About a straight glide the sway, roll rate, yaw rate and roll of a vehicle with a plane of symmetry
-part from the rest (Fossen 2011, section 7.5). The coefficients are central differences of the
-same equations that the Fossen model integrates, so that every part, fin, added mass and lever of
-a vehicle counts. Two things are asked of them:
+are independent of the other motions (Fossen 2011, section 7.5). The coefficients are central
+differences of the Fossen model's equations, with every part, fin, added mass and lever of the
+vehicle. They give two responses:
 
-- sway and yaw rate while the roll is the log's: what turns the vehicle, whoever rolled it;
-- roll while the battery's rotation is the log's.
+- sway and yaw rate to the log's roll, whatever made the vehicle roll;
+- roll to the log's rotation of the battery.
 
-Both are linear in the sine of the roll and in what the turning part does, and are integrated
+Both are linear in the sine of the roll and in the position of the turning part, and are integrated
 exactly between samples.
 
 For guidance the glide of each phase is linearised about its trim in both planes. The steering part
 follows with its lag, and the loop is closed once per control period. `with_gains` takes the fastest
-loop whose every mode dies out in dives and in climbs, at half and at twice its gain, and does not
-swing at its own.
+loop whose modes all decay in dives and in climbs, at half and at twice its gain, and are damped at
+its own gain.
 """
 
 from __future__ import annotations
@@ -37,52 +37,52 @@ from twin.vehicle.parts import BatteryHinge, Fin
 from twin.vehicle.vehicle import Vehicle
 
 SWAY, ROLL_RATE, YAW_RATE, ROLL = 1, 3, 5, 6
-"""Places in the state of `SteadyProblem.rate`: (u, v, w, p, q, r, roll, pitch)."""
+"""Indices in the state of `SteadyProblem.rate`: (u, v, w, p, q, r, roll, pitch)"""
 LATERAL = (SWAY, ROLL_RATE, YAW_RATE, ROLL)
 STEP = 1e-4
-"""[SI] of the central differences of rates, roll and part's position."""
+"""[SI units] Step of the central differences of rates, roll and a part's position"""
 LONGITUDINAL = (0, 2, 4, 7)
-"""Places of (u, w, q, pitch) in the state."""
+"""Indices of (u, w, q, pitch) in the state"""
 PACES = tuple(0.2 * 0.8**k for k in range(24))
-"""[rad/s] of the loops that are tried, fastest first."""
+"""[rad/s] Bandwidths of the loops that are tried, fastest first"""
 MARGIN = (0.5, 1.0, 2.0)
-"""Times its gain at which a loop must be stable."""
+"""Factors on its gain at which a loop must be stable"""
 DAMPED = 0.3
-"""Least damping ratio of the loop's modes at its own gain: no swinging."""
+"""Least damping ratio of the loop's modes at its own gain"""
 INTEGRAL = 0.15
-"""Of the loop's pace at which its integral works"""
+"""Bandwidth of the integral over that of the loop"""
 FULL_ERROR = math.radians(40.0)
-"""[rad] heading error for which the whole travel may be used: larger gains only saturate"""
+"""[rad] Heading error at which the whole travel is used: larger gains would only saturate"""
 PITCH_PACE = 0.02
-"""[rad/s] largest pace of the pitch loop's integral: pilots' loops correct pitch once a minute"""
+"""[rad/s] Largest bandwidth of the pitch loop's integral: pilots' loops correct once a minute"""
 
 
 class Glide(NamedTuple):
-    """A straight glide, as a log flew it."""
+    """A straight glide of a log."""
 
     surge: float
-    """[m/s]"""
+    """[m/s] Forward velocity"""
     heave: float
-    """[m/s]"""
+    """[m/s] Downward velocity"""
     pitch: float
-    """[rad]"""
+    """[rad] Pitch"""
     net_mass: float
-    """[kg], + = heavy"""
+    """[kg] Net mass, + = heavy"""
 
 
 class Lateral(NamedTuple):
     """d(v, p, r, roll)/dt = matrix @ (v, p, r, roll) + drive * position + yaw * yaw moment."""
 
     matrix: Array
-    """(4, 4)"""
+    """Matrix of the state, (4, 4)"""
     drive: Array
-    """(4,) per unit of the turning part's position"""
+    """Response per unit of the turning part's position, (4,)"""
     yaw: Array
-    """(4,) per N m of a constant yaw moment"""
+    """Response per N m of a constant yaw moment, (4,)"""
     inertia: Array
-    """(3, 3) of sway, roll rate and yaw rate, with added mass"""
+    """Mass matrix of sway, roll rate and yaw rate with added mass, (3, 3)"""
     pitch: float
-    """[rad]"""
+    """[rad] Pitch of the glide"""
 
     def gains(self) -> tuple[float, float]:
         """Steady yaw rate [rad/s] and roll [rad] per unit of the turning part's position."""
@@ -93,9 +93,9 @@ class Lateral(NamedTuple):
         """One step of (sway, yaw rate) with the roll known.
 
         Returns the transition (2, 2) and the response (2, 4) to roll, roll's slope, the part's
-        position and a yaw moment, each linear between samples taken at their mean.
+        position and a yaw moment, each at its mean between two samples.
         """
-        # what rolls it is known to be balanced: side force and yaw moment alone move the two
+        # as the roll is known, its moments balance: side force and yaw moment alone act
         keep = [0, 2]
         free_inertia = np.linalg.inv(self.inertia[np.ix_(keep, keep)])
 
@@ -103,7 +103,7 @@ class Lateral(NamedTuple):
             return free_inertia @ (self.inertia @ accelerations[:3])[keep]
 
         a, drive, yaw = moved(self.matrix), moved(self.drive), moved(self.yaw)
-        # roll rate is not free: d(roll)/dt = p + r tan(pitch)
+        # the roll's slope gives the roll rate: d(roll)/dt = p + r tan(pitch)
         free = a[:, keep].copy()
         free[:, 1] -= a[:, 1] * math.tan(self.pitch)
         return _discrete(free, np.stack([a[:, 3], a[:, 1], drive, yaw], axis=1), period)
@@ -122,7 +122,7 @@ def _discrete(a: Array, b: Array, period: float) -> tuple[Array, Array]:
 
 
 def turning_part(vehicle: Vehicle) -> BatteryHinge | Fin | None:
-    """The hinge or rudder that guidance turns it with; None: it has neither."""
+    """Hinge or rudder by which guidance turns the vehicle; None without either."""
     part = vehicle.steered("heading")
     return part if isinstance(part, BatteryHinge | Fin) else None
 
@@ -131,7 +131,7 @@ def jacobians(vehicle: Vehicle, state: Array, positions: Array) -> tuple[Array, 
     """Rates of `SteadyProblem.rate` per state, (8, 8), and per position of a part, (8, parts).
 
     Args:
-      state: (u, v, w, p, q, r, roll, pitch), (8,). positions: of the parts, (parts,).
+      state: (u, v, w, p, q, r, roll, pitch), (8,). positions: those of the parts, (parts,).
     """
     parameters = _parameters(vehicle)
     place = vehicle.steered_index("heading")
@@ -154,7 +154,7 @@ def jacobians(vehicle: Vehicle, state: Array, positions: Array) -> tuple[Array, 
 
 
 def linearised(vehicle: Vehicle, glide: Glide) -> Lateral:
-    """The lateral motion about a glide, with the turning part at rest."""
+    """Lateral motion about a glide, with the turning part at rest."""
     positions = vehicle.rest.copy()
     pump = vehicle.steered_index("buoyancy")
     assert pump is not None
@@ -177,8 +177,8 @@ def linearised(vehicle: Vehicle, glide: Glide) -> Lateral:
 
 
 def _balancing(vehicle: Vehicle, state: Array, positions: Array, slide: int) -> float:
-    """Change of the pitching part at which the pitch moments balance: the place of the weight
-    along the hull turns a rolled glider too."""
+    """Change of the pitching part's position at which the pitch moments balance. The position of
+    the weight along the hull also turns a rolled glider."""
     parameters = _parameters(vehicle)
     place = vehicle.steered_index("heading")
     step = np.zeros(len(positions))
@@ -191,7 +191,7 @@ def _balancing(vehicle: Vehicle, state: Array, positions: Array, slide: int) -> 
 
 
 def _parameters(vehicle: Vehicle) -> ForceParameters:
-    """In water of the reference density."""
+    """Force parameters of a vehicle in water of its reference density."""
     return parameters_of(vehicle, np.array([0.0, 1e4]), np.full(2, vehicle.reference_density))
 
 
@@ -207,30 +207,30 @@ class Phase(NamedTuple):
     """A steady dive or climb of the log."""
 
     pitch: float
-    """[rad]"""
+    """[rad] Pitch"""
     net_mass: float
-    """[kg] at the vehicle's reference density, + = heavy"""
+    """[kg] Net mass at the vehicle's reference density, + = heavy"""
 
 
 class Plane(NamedTuple):
     """One plane of a trimmed glide with its steering part."""
 
     matrix: Array
-    """(states, states)"""
+    """Matrix of the state, (states, states)"""
     drive: Array
-    """(states,) per position of the part"""
+    """Response per unit of the part's position, (states,)"""
     angle: Array
-    """(states,) what makes the angle that is steered: pitch, or the rate of the heading"""
+    """Row that gives the steered angle, pitch, or the rate of the heading, (states,)"""
     rate: Array
-    """(states,) what the loop's damping sees [rad/s]"""
+    """Row that gives the rate [rad/s] for the loop's damping, (states,)"""
     heading: bool
-    """the angle is an integral of `angle`"""
+    """True: the steered angle is the integral of `angle` times the state."""
     gain: float
-    """steady angle (of heading: rate of it) per position"""
+    """Steady pitch, or rate of the heading, per unit of the part's position"""
 
 
 def way_of(vehicle: Vehicle, phase: Phase) -> Way:
-    """The steady way of a phase; MissionError where the vehicle has none."""
+    """Steady glide of a phase; MissionError where the vehicle has none."""
     where = "the climb of the log" if phase.pitch > 0.0 else "the dive of the log"
     return way(vehicle, where, "pitch_deg", math.degrees(phase.pitch), phase.net_mass, None)
 
@@ -239,8 +239,8 @@ def trimmed(vehicle: Vehicle, phase: Phase) -> tuple[Array, Array]:
     """State (8,) and positions (parts,) of the stable glide at the phase's pitch.
 
     Raises:
-      MissionError: too shallow, or the battery does not reach so far.
-      NoSteadyState: it has no stable glide there.
+      MissionError: too flat to glide, or beyond the battery's travel.
+      NoSteadyState: the vehicle has no stable glide there.
     """
     positions = way_of(vehicle, phase).command
     named = dict(zip(vehicle.part_names, positions.tolist(), strict=True))
@@ -251,7 +251,7 @@ def trimmed(vehicle: Vehicle, phase: Phase) -> tuple[Array, Array]:
 
 
 def plane_of(vehicle: Vehicle, state: Array, positions: Array, control: str) -> Plane | None:
-    """The plane that the control acts in, "pitch" or "heading"; None without such a part."""
+    """Plane in which the control "pitch" or "heading" acts; None without such a part."""
     place = vehicle.steered_index(control)
     if place is None:
         return None
@@ -271,7 +271,7 @@ def plane_of(vehicle: Vehicle, state: Array, positions: Array, control: str) -> 
 def loop_modes(plane: Plane, pid: Sequence[float], lag: float, period: float) -> Array:
     """Eigenvalues [1/s] of the closed loop, complex, by its discrete form.
 
-    `pid` acts on the part's position, with the sign that steers the right way.
+    `pid` acts on the part's position, with the sign that steers to the right side.
     """
     n = 4
     # states: plane, heading (or none), part; held command as the last column
@@ -304,7 +304,7 @@ def loop_modes(plane: Plane, pid: Sequence[float], lag: float, period: float) ->
 
 
 def _settles(plane: Plane, pid: Sequence[float], lag: float, period: float) -> bool:
-    """Whether every mode of a loop dies out within its margin, and none swings at its own gain."""
+    """True where all modes of a loop decay within its margin and are damped at its own gain."""
     for factor in MARGIN:
         modes = loop_modes(plane, [factor * gain for gain in pid], lag, period)
         if np.max(modes.real) >= 0.0:
@@ -317,10 +317,10 @@ def _settles(plane: Plane, pid: Sequence[float], lag: float, period: float) -> b
 def _placed(
     planes: Sequence[Plane], factors: Sequence[float], lag: float, period: float, travel: float
 ) -> tuple[float, float, float] | None:
-    """Gains of the fastest loop that settles in every plane; None: no pace settles.
+    """Gains of the fastest loop that settles in every plane; None: no bandwidth settles.
 
     Args:
-      factors: what guidance multiplies the gains by in each plane, with the sign that steers.
+      factors: guidance's factor on the gains in each plane, with the sign that steers.
     """
     largest = max(abs(plane.gain * factor) for plane, factor in zip(planes, factors, strict=True))
     most = travel / FULL_ERROR / max(map(abs, factors))
@@ -338,12 +338,12 @@ def _placed(
 
 
 def with_gains(calibration: Calibration, phases: Sequence[Phase]) -> Calibration:
-    """The vehicle with `pitch_pid` and `heading_pid` placed on its dynamics in these phases.
+    """Place `pitch_pid` and `heading_pid` on the vehicle's dynamics in these phases.
 
-    A loop that settles at no pace, or that the vehicle has no part for, keeps its gains.
+    A loop that settles at no bandwidth, or without a part to steer by, keeps its gains.
 
     Raises:
-      MissionError, NoSteadyState: it does not trim in one of the phases.
+      MissionError, NoSteadyState: the vehicle does not trim in one of the phases.
     """
     vehicle = calibration.vehicle
     trims = [trimmed(vehicle, phase) for phase in phases]

@@ -1,4 +1,4 @@
-"""Log check: the twin of a vehicle file beside the logs of the real vehicle, phase by phase."""
+"""Log check: comparison of a vehicle file's twin with logs of the real vehicle, by phase."""
 
 from __future__ import annotations
 
@@ -40,27 +40,27 @@ from twin.vehicle.laws import FlowFrame
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 DEPTH_RATE_LIMIT = 0.05
-"""Relative, of the depth rate in each phase"""
+"""[1] Largest relative error of the depth rate in each phase"""
 TURN_LIMIT = 0.25
-"""Relative, of the turn rate per position of what turns the vehicle"""
+"""[1] Largest relative error of the turn rate per position of the turning part"""
 TURNING_LIMIT = 3.0
-"""[deg] of the mean position of what turns the vehicle, twin less log: an asymmetry that the log
-flew and the vehicle file lacks"""
+"""[deg] Largest difference of the turning part's mean position, twin less log: more is an asymmetry
+of the logged vehicle that the vehicle file lacks"""
 HEADING_LIMIT = 2.0
-"""[deg] of the twin's heading about its target"""
+"""[deg] Largest standard deviation of the twin's heading about its target"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PhaseComparison:
-    """Log beside twin in one phase."""
+    """Figures of the log and of the twin in one phase."""
 
     log: PhaseFigures
     twin: PhaseFigures | None
-    """None: it never came to a steady part of such a leg"""
+    """Figures of the twin; None: it flew no steady part of such a leg"""
     speed_from: str | None
     """Source of the log's speed: "measured", "depth rate and pitch", or None"""
     same_part: bool
-    """Whether the same kind of part turns both, so that its effect can be compared"""
+    """True where parts of the same type turn both, so that their effects can be compared"""
 
     def describe(self) -> dict[str, Any]:
         """JSON-able; ratios are twin over log, deviations twin less log."""
@@ -92,25 +92,25 @@ class PhaseComparison:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LogCheck:
-    """A vehicle file's twin on the targets of a store of logs."""
+    """Comparison of a vehicle file's twin with a store of logs."""
 
     vehicle: Vehicle
     store: Path
     dives: tuple[ReplayedDive, ...]
     flights: tuple[Trajectory | SimulationUnstable, ...]
-    """The twin's flight of each dive"""
+    """Flight of the twin for each dive"""
     phases: dict[Phase, PhaseComparison]
     turning: Turning | None
     engine: str
     """Engine that flew the twin"""
     beside_mujoco: EndsApart | None
-    """Of the first dive, where lanes flew it"""
+    """Distance of the first dive's end from MuJoCo's, where the batched engine flew it"""
     notes: tuple[str, ...]
-    """One sentence for each thing that the log lacks, or that stands in for it"""
+    """Sentences on signals that the log lacks, and on their replacements"""
 
     @property
     def beyond(self) -> list[str]:
-        """One phrase for each figure beyond its limit; empty when the twin flies as the log."""
+        """Phrase for each figure beyond its limit; empty when the twin flies as the log."""
         flown = list(zip(self.dives, self.flights, strict=True))
         found = [f"dive {dive.row}: {f}" for dive, f in flown if isinstance(f, Exception)]
         for name, phase in self.phases.items():
@@ -157,7 +157,7 @@ class LogCheck:
 
 
 def _beyond(phase: PhaseComparison) -> list[str]:
-    """One phrase for each figure of a phase beyond its limit."""
+    """Phrase for each figure of a phase beyond its limit."""
     twin = phase.twin
     if twin is None:
         return ["the twin never flew it steadily"]
@@ -195,15 +195,15 @@ def check_logs(
 
     Args:
       store: path of a store that `factory import` wrote.
-      vehicle: shipped name or path of an MJCF file, with the errors of the sensors that it holds;
-        a vehicle, whose sensors are taken as exact; or `twin.identify.load_calibration(...)`.
+      vehicle: shipped name or path of an MJCF file, with the sensor errors in it; a vehicle with
+        exact sensors; or `twin.identify.load_calibration(...)`.
       missions: rows of the store, all by default.
-      engine: what flies the twin, as of `Scenario`; of lanes the first dive is flown in MuJoCo too.
+      engine: engine of `Scenario`; with "lanes", MuJoCo flies the first dive too.
 
     Raises:
       StoreError: no store of logs, no such row, no pitch or pump, or no whole dive in any row.
       VehicleError: no such vehicle, or one without a pump or without a part that pitches it.
-      InputError, MissionError: the vehicle cannot do what the log's did.
+      InputError, MissionError: the vehicle cannot fly the log's pitch or pump positions.
       SimulationUnstable: the twin went unstable in every dive.
     """
     hull = _hull(vehicle)
@@ -259,20 +259,18 @@ def check_logs(
 
 
 class _OneDensity(Calibration):
-    """Of a vehicle whose file says nothing of the water that made a log."""
+    """Calibration of a vehicle without a file: its log's water is unknown."""
 
     def sea_density(self, depth: Array) -> Array:
-        """The reference density of the vehicle's file at every depth."""
+        """Reference density of the vehicle at every depth."""
         return np.full(np.shape(depth), self.vehicle.reference_density)
 
 
 def _hull(given: str | Path | Vehicle | Calibration) -> Calibration:
-    """The vehicle with what its file says of its sensors, where it is of a kind that can.
-
-    Sensors of a vehicle without a file are taken as exact, and its hull as one that does not swell.
+    """Calibration of the vehicle; without a file, with exact sensors and no thermal expansion.
 
     Raises:
-      VehicleError: a glider's log says nothing about such a vehicle.
+      VehicleError: the vehicle has no pump or no part that pitches it.
     """
     vehicle = given.vehicle if isinstance(given, Calibration) else given
     vehicle = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
@@ -292,7 +290,7 @@ def _hull(given: str | Path | Vehicle | Calibration) -> Calibration:
 
 
 class _Present:
-    """The signals of a store that have a value."""
+    """Set of a store's signals that have values."""
 
     def __init__(self, logs: LogStore) -> None:
         self._logs = logs
@@ -302,7 +300,7 @@ class _Present:
 
 
 def _check_signals(logs: LogStore, there: _Present) -> None:
-    """Refuse a log without what a glide needs, by the names of signals."""
+    """Raise StoreError for a log without depth, pitch or pump, by the names of signals."""
     for names, why in (
         (("measured_depth",), "depth, so its dives are unknown"),
         (("measured_pitch",), "pitch, so its glides are unknown"),
@@ -322,7 +320,7 @@ def _notes(
     turning: Turning | None,
     vehicle: Vehicle,
 ) -> list[str]:
-    """Sentences on what the log lacks, and what stands in for it."""
+    """Sentences on signals that the log lacks, and on their replacements."""
     notes = []
     if logs.simulated:
         notes.append("the log itself is marked as simulated")
@@ -364,7 +362,7 @@ def _phases(
     turning: Turning | None,
     engine: str,
 ) -> tuple[dict[Phase, PhaseComparison], list[str]]:
-    """Log and twin in each phase that the log has, and what must be said about it."""
+    """Figures of log and twin in each phase of the log, and notes on them."""
     pump = vehicle.steering["buoyancy"]
     pairs = zip(dives, flights, strict=True)
     flown = [(dive, flight) for dive, flight in pairs if isinstance(flight, Trajectory)]
@@ -410,7 +408,7 @@ def _beside_mujoco(
     dives: Sequence[ReplayedDive],
     flights: Sequence[Trajectory | SimulationUnstable],
 ) -> EndsApart:
-    """Of the first dive that lanes flew."""
+    """Distance between the ends of the first flown dive by the batched engine and by MuJoCo."""
     pairs = zip(dives, flights, strict=True)
     dive, flight = next((d, f) for d, f in pairs if isinstance(f, Trajectory))
     theirs = fly_dives(vehicle, [dive])[0]

@@ -1,6 +1,6 @@
-"""Figures of dives and climbs, from samples of a log or of the twin's flight of it.
+"""Log figures: means of dives and climbs, from samples of a log or of the twin's flight of it.
 
-Among them a swing that does not die out, as a badly tuned control loop makes it.
+`Oscillation` is a limit cycle, such as a badly tuned control loop makes.
 """
 
 from __future__ import annotations
@@ -20,56 +20,56 @@ from twin.records.trajectory import Trajectory
 from twin.vehicle.vehicle import Vehicle
 
 UNDER_WATER = 3.0
-"""[m] above this a hull is in the waves or partly out of the water"""
+"""[m] Depth above which a hull is in the waves or partly out of the water"""
 SETTLING = 60.0
-"""[s] that a vehicle needs besides the turn itself after a change of the heading target"""
+"""[s] Time that a vehicle needs after a turn to a new heading target to settle"""
 SLOWEST_TURN = 0.1
-"""[deg/s] of that turn: a Seaglider's at 0.25 m/s"""
+"""[deg/s] Slowest rate of that turn: a Seaglider's at 0.25 m/s"""
 NEW_TARGET = 5.0
-"""[deg] of a change of the target that counts as one"""
+"""[deg] Least change of the heading target that starts a turn"""
 TURN_WINDOW = 40.0
-"""[s] of the filter whose slope is the turn rate: compasses of logs are noisy"""
+"""[s] Window of the filter whose slope is the turn rate: compasses of logs are noisy"""
 TURN_LAGS = (0.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0)
-"""[s] of the turn rate behind the position; a loop that answers the heading hides the effect of its
-part where the lag is left out"""
+"""[s] Lags of the turn rate behind the position that are tried. Without the lag the feedback of the
+heading loop hides the effect of its part"""
 LEAST_MOVED = 0.2
-"""[deg] standard deviation of a turning part's position from which its effect can be told"""
+"""[deg] Least standard deviation of a turning part's position for an estimate of its effect"""
 LEAST_CORRELATION = 0.3
-"""Least of turn rate and position; below it other things turned the vehicle"""
+"""Least correlation of turn rate and position; below it other causes turned the vehicle"""
 LEAST_SAMPLES = 20
-"""of a mean"""
+"""Fewest samples of a mean"""
 OFTEN = 0.25
-"""Part of the legs that must swing for a limit cycle"""
+"""Least fraction of the legs that oscillate in a limit cycle"""
 LEAST_AMPLITUDE = {"heading": 1.0, "pitch": 0.5, "roll": 1.0}
-"""[deg] of a swing that counts, by the signal"""
+"""[deg] Least amplitude of an oscillation, by the signal"""
 CYCLES, SHORTEST = 3.0, 4
-"""Periods of a leg at least, of fewer nobody knows whether they go on; samples of a period"""
+"""Fewest periods in a leg, as fewer may not go on; fewest samples of a period"""
 WIDTH = 0.15
-"""Part of its frequency by which a swing may wander within a leg, as speed and trim do"""
+"""Relative change of an oscillation's frequency within a leg, as of speed and trim"""
 SHARE = 0.5
-"""Part of the variance that the swing must be: noise is spread over all periods"""
+"""Least fraction of the variance in an oscillation: noise is spread over all periods"""
 LASTING = 0.7
-"""Amplitude in the second half over that in the first; less, and it dies out"""
+"""Least amplitude in the second half over that in the first; with less the oscillation decays"""
 
 
 class FigureSamples(NamedTuple):
     """One leg of a flight, equally spaced; arrays are (time,)."""
 
     period: float
-    """[s]"""
+    """[s] Time between samples"""
     series: Mapping[str, Array]
-    """Signals, as far as known: `depth_rate` [m/s], positive down; `speed` [m/s] through the water,
-    NaN where unknown; `pitch`, `roll` [deg]; `heading` [deg], unwrapped; `heading_target` [deg];
-    `heading_error` [deg] from it, within +-180; `turning` [deg], the position of the turning part
-    in the log's sign"""
+    """Known signals: `depth_rate` [m/s], positive down; `speed` [m/s] through the water, NaN where
+    unknown; `pitch`, `roll` [deg]; `heading` [deg], unwrapped; `heading_target` [deg];
+    `heading_error` [deg], heading less target, within +-180; `turning` [deg], the position of the
+    turning part in the log's sign"""
     positions: Mapping[str, Array]
-    """of the parts, in the units of stores"""
+    """Positions of the parts, in the units of stores"""
     steady: Mask
-    """away from inflections and the surface, with the pump at rest and all measured"""
+    """True away from inflections and surface, with the pump at rest and all signals measured"""
 
 
 def logged_samples(dive: ReplayedDive, phase: Phase, pump: str) -> list[FigureSamples]:
-    """The compared legs of a dive as logged; `pump` is the name of the vehicle's."""
+    """Samples of a dive's compared legs in the log; `pump` is the name of the vehicle's pump."""
     names = ("pitch", "roll", "heading", "heading_target", "speed", "turning")
     every = {"depth_rate": np.gradient(dive.depth, dive.period)}
     every |= {n: values for n in names if (values := getattr(dive, n)) is not None}
@@ -91,9 +91,9 @@ def flown_samples(
     vehicle: Vehicle,
     turning: Turning | None,
 ) -> list[FigureSamples]:
-    """Compared legs as the twin flew them; without those that it did not come to.
+    """Samples of a dive's compared legs in the twin's flight; legs that it did not reach lack.
 
-    `number` is the leg that it flew at each sample, (time,).
+    `number` is the index of the leg at each sample, (time,).
     """
     period = float(np.median(np.diff(trajectory.time)))
     found = []
@@ -121,7 +121,7 @@ def flown_samples(
 
 
 def _compared(dive: ReplayedDive, phase: Phase) -> list[tuple[int, Target]]:
-    """The legs of a phase that are long enough, and their numbers."""
+    """Indices and targets of the legs of a phase that are long enough to be compared."""
     every = enumerate(dive.targets)
     return [(k, one) for k, one in every if one.leg.phase == phase and one.leg.compared]
 
@@ -134,7 +134,7 @@ def _samples(
     series: dict[str, Array],
     positions: Mapping[str, Array],
 ) -> FigureSamples:
-    """Samples of a leg: steady in its band, with the pump near its target; depth NaN in gaps."""
+    """Samples of a leg, steady in its band with the pump near its target; depth is NaN in gaps."""
     if "heading" in series and "heading_target" in series:
         error = series["heading"] - series["heading_target"]
         series["heading_error"] = (error + 180.0) % 360.0 - 180.0
@@ -148,10 +148,10 @@ def _samples(
 def angle_of_attack(
     dive: ReplayedDive, trajectory: Trajectory, number: Array, phase: Phase
 ) -> float | None:
-    """Mean angle of attack [deg] of the twin in the bands of a phase's legs; None off them.
+    """Mean angle of attack [deg] of the twin in the bands of a phase's legs; None without samples.
 
     Args:
-      number: of the leg that it flew at each sample, (time,).
+      number: index of the leg at each sample, (time,).
     """
     depth = trajectory["true_depth"]
     found = [np.zeros(0)]
@@ -166,43 +166,43 @@ def angle_of_attack(
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Oscillation:
-    """A swing at a steady period."""
+    """An oscillation at a steady period."""
 
     signal: str
-    """heading, pitch or roll"""
+    """Name of the signal: heading, pitch or roll"""
     period_s: float
     amplitude_deg: float
     growth: float
     """Amplitude in the second half of a leg over that in the first"""
     legs: float
-    """Part of the legs that show it"""
+    """Fraction of the legs that show it"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PhaseFigures:
-    """Means over the legs of one phase; None where the log cannot say."""
+    """Means over the legs of one phase; None where unknown."""
 
     depth_rate: float
-    """[m/s], positive down"""
+    """[m/s] Depth rate, positive down"""
     speed: float | None
-    """[m/s] through the water"""
+    """[m/s] Speed through the water"""
     pitch: float
-    """[deg], nose up"""
+    """[deg] Pitch, nose up"""
     turn_per_actuator: float | None
-    """[deg/s] of turn rate, to starboard, per deg of the turning part"""
+    """[deg/s per deg] Turn rate to starboard per position of the turning part"""
     turning: float | None
-    """[deg] mean position of the turning part, in the log's sign"""
+    """[deg] Mean position of the turning part, in the log's sign"""
     heading_sd: float | None
-    """[deg] about the target, what it is off on the mean included"""
+    """[deg] RMS distance of the heading from its target"""
     heading_bias: float | None
-    """[deg] mean heading less the target"""
+    """[deg] Mean heading less the target"""
     parts: Mapping[str, float]
     """Mean positions of the parts, in the units of stores"""
     oscillation: Oscillation | None
-    """A swing that does not die out"""
+    """Oscillation that does not decay"""
 
     def describe(self) -> dict[str, float | None]:
-        """The figures with their units in the names."""
+        """Return the figures with their units in the names."""
         return {
             "depth_rate_m_s": self.depth_rate,
             "speed_m_s": self.speed,
@@ -221,7 +221,7 @@ def phase_figures(legs: Sequence[FigureSamples]) -> PhaseFigures | None:
         return None
 
     def steady(name: str) -> Array:
-        """The steady samples of a series that are known."""
+        """Known steady samples of a series, of all legs."""
         found = [leg.series[name][leg.steady] for leg in legs if name in leg.series]
         values = np.concatenate([*found, np.zeros(0)])
         return np.asarray(values[np.isfinite(values)])
@@ -252,8 +252,8 @@ def phase_figures(legs: Sequence[FigureSamples]) -> PhaseFigures | None:
 
 
 def settled(leg: FigureSamples) -> Mask:
-    """Steady samples at which a change of the heading target has been flown out: the heading has
-    been near it since, or the slowest turn would have come there."""
+    """Mask of steady samples after each turn: the heading has been near its new target, or the
+    slowest turn would have reached it, and SETTLING has passed."""
     if "heading_error" not in leg.series:
         return leg.steady
     target, error = leg.series["heading_target"], np.abs(leg.series["heading_error"])
@@ -270,10 +270,10 @@ def settled(leg: FigureSamples) -> Mask:
 
 
 def turn_per_actuator(legs: Sequence[FigureSamples]) -> float | None:
-    """Slope of turn rate [deg/s] on the turning part's position [deg]; None where nothing tells.
+    """Slope of turn rate [deg/s] on the turning part's position [deg]; None if not determined.
 
-    The position acts through a first-order lag, the one of TURN_LAGS that explains most. Each leg
-    has a mean of its own: what turns a vehicle whose part is at 0 is not of the part.
+    The position acts through a first-order lag, the one of TURN_LAGS with the largest correlation.
+    The mean of each leg is taken off: a turn with the part at 0 is no effect of the part.
     """
     rates, positions = [], []
     for leg in legs:
@@ -297,7 +297,7 @@ def turn_per_actuator(legs: Sequence[FigureSamples]) -> float | None:
 
 
 def _fit(rate: Array, position: Array) -> tuple[float, float]:
-    """Slope and correlation; 0 where the part hardly moved."""
+    """Slope and correlation of rate on position; 0 where the part hardly moved."""
     moved, turned = float(np.mean(position**2)), float(np.mean(rate**2))
     if moved < LEAST_MOVED**2 or turned == 0.0:
         return 0.0, 0.0
@@ -306,7 +306,7 @@ def _fit(rate: Array, position: Array) -> tuple[float, float]:
 
 
 def _swing(name: str, leg: FigureSamples) -> Oscillation | None:
-    """Of the longest stretch of settled samples."""
+    """Oscillation in the longest run of settled samples of a leg, or None."""
     values = leg.series.get("heading_error" if name == "heading" else name)
     if values is None:
         return None
@@ -320,10 +320,10 @@ def _swing(name: str, leg: FigureSamples) -> Oscillation | None:
 
 
 def oscillation_of(name: str, values: Array, period: float) -> Oscillation | None:
-    """The swing of one signal in one leg, or None.
+    """Oscillation of one signal in one leg, or None.
 
     Args:
-      name: of the signal, a key of LEAST_AMPLITUDE.
+      name: name of the signal, a key of LEAST_AMPLITUDE.
       values: deviation from the target [deg], equally spaced, (time,).
       period: [s] between samples.
     """
@@ -353,11 +353,11 @@ def oscillation_of(name: str, values: Array, period: float) -> Oscillation | Non
 def limit_cycle(
     legs: Sequence[Mapping[str, Oscillation | None]], least: float
 ) -> Oscillation | None:
-    """The largest swing among those that at least a part of the legs show, their medians.
+    """Largest oscillation among those that enough of the legs show, as medians over these legs.
 
     Args:
-      legs: of each leg, what `oscillation_of` found, by signal.
-      least: that part.
+      legs: for each leg, the results of `oscillation_of` by signal.
+      least: fraction of the legs that is enough.
     """
     found = []
     for name in LEAST_AMPLITUDE:

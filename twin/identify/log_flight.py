@@ -1,8 +1,8 @@
-"""Flight: the twin on a logged dive's targets, leg by leg and depth by depth.
+"""Log flight: flights of the twin on the targets of logged dives, leg by leg and depth by depth.
 
-Turns: the twin flown with the positions of the log's turning part, so that both have one input. In
-closed loop a twin in calm water hardly moves its rudder, where the log's works against waves and a
-compass' noise. There pitch and pump stay in closed loop and the heading is left to itself.
+`fly_turns` flies the twin with the positions of the log's turning part, so that both have the same
+input. In closed loop a twin in calm water hardly moves its rudder, while the log's works against
+waves and a compass's noise. Pitch and pump stay in closed loop; nothing controls the heading.
 """
 
 from __future__ import annotations
@@ -40,29 +40,29 @@ from twin.vehicle.vehicle import Vehicle
 from twin.water.density import DensityProfile
 
 SHALLOWEST = 2.0
-"""[m] where a twin starts and where its climbs end: nearer the surface its hull breaks it"""
+"""[m] Depth at which a twin starts and its climbs end: above it the hull breaks the surface"""
 BIN = 2.0
-"""[m] of the density profile taken from the log"""
+"""[m] Thickness of the layers of the log's density profile"""
 SAMPLE_PERIOD = 1.0
-"""[s] of the twin's samples: a roll swings within ten"""
+"""[s] Time between the twin's samples: the period of roll is about ten seconds"""
 PATIENCE = 2.0
-"""Times the log's duration that a twin may take for a dive"""
+"""Longest duration of the twin's dive over the log's"""
 LOOK = 10.0
-"""[s] between looks whether a dive is flown"""
+"""[s] Time between checks for the end of a dive"""
 BEYOND = 0.05
-"""Part of its travel by which a log may pump more than the vehicle file lets the pump"""
+"""Fraction of its travel by which the log's pump may exceed the vehicle file's"""
 
 
 def fly_dives(
     vehicle: Vehicle, dives: Sequence[ReplayedDive], engine: str = "mujoco"
 ) -> list[Trajectory | SimulationUnstable]:
-    """The twin's flight on each dive's targets; of an unstable one the error with what it flew.
+    """Flights of the twin on each dive's targets; an unstable flight is the error that ended it.
 
     Args:
-      engine: as of `Scenario`; in lanes the dives fly side by side.
+      engine: engine of `Scenario`; with "lanes" the dives fly side by side.
 
     Raises:
-      InputError: the vehicle's pump cannot do what the log's did.
+      InputError: a logged pump position is beyond the vehicle's pump.
       MissionError: the vehicle cannot fly the log's pitch at its buoyancy.
     """
     legs = [(dive.targets[0].leg, dive.targets[-1].leg) for dive in dives]
@@ -83,7 +83,7 @@ def fly_dives(
 
 
 def _fly(simulation: Simulation, row: int) -> Trajectory:
-    """One dive, until it is flown or the twin has taken far longer than the log."""
+    """Fly one dive until its mission is done or PATIENCE times the log's duration has passed."""
     steps = max(1, round(LOOK / simulation.model.opt.timestep))
     for _ in range(-(-simulation.steps // steps)):
         if simulation.failed or state(simulation.data)["guidance"][DONE]:
@@ -95,9 +95,9 @@ def _fly(simulation: Simulation, row: int) -> Trajectory:
 def scenario_of(
     vehicle: Vehicle, dive: ReplayedDive, duration: float, engine: str, *, plan: bool = True
 ) -> Scenario:
-    """A dive as the twin flies it, for `duration` [s]: its targets as a mission, water, start.
+    """Scenario of a dive for `duration` [s]: its targets as a mission, its water and its start.
 
-    Without `plan` the mission is left out, for a controller that flies it.
+    Without `plan` it has no mission, for a controller that has one.
     """
     first = dive.targets[0]
     leg = first.leg
@@ -108,7 +108,7 @@ def scenario_of(
     actuators = {pump.name: _within(vehicle, first.pieces[0].pump, dive.row)}
     slide = vehicle.steered("pitch")
     if slide is not None:
-        # where the vehicle has it before it dives: an encoder's zero may be far from any trim
+        # trimmed for the first target: an encoder's zero may be far from any trim
         net = vehicle.net_mass_for_pump(actuators[pump.name])
         place = steady_glide(vehicle, math.radians(first.pitch), net).shift
         actuators[slide.name] = min(max(place, slide.low), slide.high)
@@ -130,7 +130,7 @@ def scenario_of(
 
 
 def mission_of(vehicle: Vehicle, dive: ReplayedDive) -> Mission:
-    """A saw-tooth for each piece of a leg that has a heading target of its own, ended by depth."""
+    """Mission of a dive: a saw-tooth for each section of a leg, ended by depth."""
     segments: list[SawTooth] = []
     top, bottom = SHALLOWEST, 0.0
     for index, target in enumerate(dive.targets):
@@ -165,14 +165,14 @@ def mission_of(vehicle: Vehicle, dive: ReplayedDive) -> Mission:
 
 
 def segment_legs(dive: ReplayedDive) -> list[int]:
-    """Number of the leg of each segment of a dive's mission."""
+    """Index of the leg of each segment of a dive's mission."""
     return [k for k, target in enumerate(dive.targets) for _ in target.pieces]
 
 
 def legs_flown(dive: ReplayedDive, trajectory: Trajectory) -> Array:
-    """Number of the log's leg that the twin was flying at each of its samples, (time,).
+    """Index of the log's leg that the twin was flying at each of its samples, (time,).
 
-    -1 once it has flown all: a mission that holds goes on with its last segment.
+    -1 after the last leg: a mission that holds goes on with its last segment.
     """
     legs = segment_legs(dive)
     segment = np.nan_to_num(trajectory["commanded_segment"], nan=0.0).astype(int)
@@ -188,7 +188,7 @@ def legs_flown(dive: ReplayedDive, trajectory: Trajectory) -> Array:
 
 
 def water_of(dive: ReplayedDive) -> DensityProfile:
-    """The water over depth: medians of the log's in bins of depth."""
+    """Water over depth: medians of the log's values in layers."""
     depths, density = layers(dive.depth, dive.water[0], BIN)
     columns = [density, *(layers(dive.depth, one, BIN)[1] for one in dive.water[1:])]
     if dive.measured.any():
@@ -201,11 +201,11 @@ def water_of(dive: ReplayedDive) -> DensityProfile:
 
 
 FlownTurn = tuple[ReplayedDive, Trajectory, Array]
-"""A dive, its flight with the log's turns, and the number of the leg at each sample, (time,)"""
+"""A dive, its flight with the log's turns, and the index of the leg at each sample, (time,)"""
 
 
 class _Turned:
-    """Guidance whose turning part follows the log's positions from the start of each leg."""
+    """Controller: guidance, with the log's positions of the turning part from each leg's start."""
 
     def __init__(self, vehicle: Vehicle, dive: ReplayedDive, follow: FollowedPositions):
         self._guidance = MissionController(mission_of(vehicle, dive), vehicle)
@@ -213,7 +213,7 @@ class _Turned:
         self._part = vehicle.part_names[follow.part]
         self._table, self._memory = follow.table(), np.zeros(MEMORY)
         self.begun: list[tuple[float, int]] = []
-        """[s] and number of each leg, -1 for the end"""
+        """Start [s] and index of each leg, -1 for the end"""
 
     def __call__(self, observation: Observation) -> Command:
         command = self._guidance(observation)
@@ -229,7 +229,7 @@ class _Turned:
         return Command(**{**command, self._part: float(position)})
 
     def legs(self, time: Array) -> Array:
-        """Number of the leg at each time [s], (time,); -1 where none is flown."""
+        """Index of the leg at each time [s], (time,); -1 after the last."""
         times, numbers = zip(*self.begun, strict=True)
         return np.array(numbers)[np.searchsorted(times, time, side="right") - 1]
 
@@ -240,13 +240,13 @@ def fly_turns(
     turning: Turning,
     engine: str = "mujoco",
 ) -> tuple[list[FlownTurn], list[SimulationUnstable]]:
-    """Dives with the log's turns, and what ended those that could not be flown.
+    """Flights with the positions of the log's turning part, and the errors of unstable ones.
 
     Args:
-      flown: dives that have turns, with the twin's flight in closed loop, which says how long one
-        takes.
-      turning: whose part is of the log's kind.
-      engine: as of `Scenario`; in lanes the dives fly side by side.
+      flown: dives with positions of the turning part, each with the twin's flight in closed loop,
+        whose duration is taken.
+      turning: turning part of the same type as the log's.
+      engine: engine of `Scenario`; with "lanes" the dives fly side by side.
     """
     follow = [_followed(vehicle, dive, turning) for dive, _ in flown]
     lanes = engine == "lanes"
@@ -276,7 +276,7 @@ def fly_turns(
 
 
 def _followed(vehicle: Vehicle, dive: ReplayedDive, turning: Turning) -> FollowedPositions:
-    """Positions that the turning part follows in place of its guidance."""
+    """Positions of the log that the turning part follows in place of guidance."""
     assert dive.turning is not None
     part = vehicle.part(turning.part)
     legs = [dive.targets[k].leg for k in segment_legs(dive)]
@@ -289,7 +289,7 @@ def _followed(vehicle: Vehicle, dive: ReplayedDive, turning: Turning) -> Followe
 
 
 def _ways(vehicle: Vehicle, dive: ReplayedDive, index: int, piece: DivePiece) -> dict[str, float]:
-    """Pitch and buoyancy of a piece of a leg, with those of the other way from its neighbour."""
+    """Pitch and net mass of a section in its own phase, and its neighbour's for the other."""
     mine = dive.targets[index]
     beside = dive.targets[index + 1 : index + 2] or dive.targets[max(index - 1, 0) : index]
     found: dict[str, float] = {}
@@ -316,7 +316,7 @@ def _pitch(target: Target, row: int) -> float:
 
 
 def _net_mass(vehicle: Vehicle, target: Target, pump: float, row: int) -> float:
-    """Magnitude [kg] of a leg's net mass at reference density, its pump at `pump` [cm3]."""
+    """Magnitude [kg] of a leg's net mass at reference density with its pump at `pump` [cm3]."""
     net = vehicle.net_mass_for_pump(_within(vehicle, pump, row))
     signed = net if target.leg.phase == "dive" else -net
     if signed <= 0.0:
@@ -333,7 +333,7 @@ def _verb(target: Target) -> str:
 
 
 def _within(vehicle: Vehicle, position: float, row: int) -> float:
-    """A logged pump position [cm3] inside the travel of the vehicle's pump."""
+    """Logged pump position [cm3], cut to the travel of the vehicle's pump."""
     pump = vehicle.steered("buoyancy")
     assert pump is not None
     slack = BEYOND * (pump.high - pump.low)

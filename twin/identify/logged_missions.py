@@ -1,6 +1,6 @@
-"""Logged missions: what identification reads of each mission of a store, checked and filtered.
+"""Logged missions: signals of each dive of a store for identification, checked and filtered.
 
-A store also says which shipped vehicle suits it.
+`start_vehicle` is the shipped vehicle that suits a store.
 """
 
 from __future__ import annotations
@@ -27,97 +27,97 @@ OPTIONAL = (
     *("measured_shift", "measured_rotation", "measured_fin"),
 )
 WINDOW, LEAST_WINDOW = 20.0, 5
-"""[s], samples of the depth rate's filter: a quarter of an inflection, ten times the noise."""
+"""[s], samples: window of the depth rate's filter, a quarter of an inflection"""
 ATTITUDE_WINDOW = 8.0
-"""[s] of the filter whose slope gives the rates of a log without gyroscopes."""
+"""[s] Window of the filter whose slope gives the rates of a log without gyroscopes"""
 AFLOAT = 0.5
-"""[m] above this a vehicle lies at the surface, where its weight rests on its own buoyancy."""
+"""[m] Depth above which a vehicle floats at the surface, in balance with its weight"""
 SETTLING = 20.0
-"""[s] after the beginning of a record under water in which a model forgets how it was started"""
+"""[s] Time after the start of a record under water in which the model's start has an effect"""
 SHALLOWEST = 3.0
-"""[m] above this a hull of two metres is in the waves or partly out of the water."""
+"""[m] Depth above which a hull of two metres is in the waves or partly out of the water"""
 DIVE_DEPTH = 8.0
-"""[m] a mission that stays above this holds no dive."""
+"""[m] Least depth of a dive: rows that stay above it are left out."""
 MAX_PITCH = 80.0
-"""[degree] beyond which no glide is."""
+"""[degree] Largest pitch of a glide"""
 
 SHALLOW_SLOCUM = {"measured_depth": 230.0, "measured_pump": 245.0}
-"""[m], [cm3] beyond which a 200 m Slocum with its ballast pump does not go; deep ones have an oil
-pump of 260 cm3 either way."""
+"""[m], [cm3] Limits of a 200 m Slocum with its ballast pump; deep ones have an oil pump of 260 cm3
+either way."""
 KINDS = ("seaglider", "seaexplorer", "spray", "slocum")
-"""Kinds of glider, as formats and platforms of logs call them."""
+"""Types of glider, as formats and platforms of logs call them"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Record:
-    """Signals that a glider's mission and a propelled vehicle's run share; arrays are (time,)."""
+    """Signals that a glider's dive and a propelled vehicle's run share; arrays are (time,)."""
 
     index: int
-    """Row in the store."""
+    """Row in the store"""
     period: float
-    """[s]"""
+    """[s] Time between samples"""
     depth: Array
-    """[m]"""
+    """[m] Depth"""
     depth_rate: Array
-    """[m/s], positive down, filtered over `window`."""
+    """[m/s] Depth rate, positive down, filtered over `window`"""
     window: int
-    """samples of the depth rate's filter"""
+    """Samples of the depth rate's filter"""
     roll: Array
-    """[rad]"""
+    """[rad] Roll"""
     pitch: Array
-    """[rad], the sensor's"""
+    """[rad] Pitch by the sensor"""
     heading: Array
-    """[rad] from true north, the compass', unwrapped"""
+    """[rad] Heading from true north by the compass, unwrapped"""
     rates: Array
-    """roll, pitch, yaw rate [rad/s], body FRD, (3, time); of a run less the gyroscopes' biases"""
+    """[rad/s] Roll, pitch, yaw rate, body FRD, (3, time); of a run less the gyroscopes' biases"""
     use: Mask
-    """Under water and measured: what is compared with the model."""
+    """True for samples that are compared with the model: under water and measured"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Log(Record):
-    """One mission of a glider; arrays are (time,)."""
+    """One dive of a glider; arrays are (time,)."""
 
     density: Array | None
-    """[kg/m3] in situ"""
+    """[kg/m3] In-situ density"""
     temperature: Array | None
-    """[degree_Celsius] of the water"""
+    """[degree_Celsius] Temperature of the water"""
     pump: Array
-    """[cm3]"""
+    """[cm3] Pumped volume, + = lighter"""
     shift: Array | None
-    """[m]"""
+    """[m] Battery's position along the hull"""
     rotation: Array | None
-    """[rad]"""
+    """[rad] Battery's rotation"""
     fin: Array | None = None
-    """[rad] of the rudder, + turns to starboard"""
+    """[rad] Rudder's position, + turns to starboard"""
     displacement: tuple[float, float] | None
-    """North, east [m] over ground between the fixes."""
+    """[m] North and east over ground between the fixes"""
     follows: bool
-    """The mission before it in the list ended shortly before: their currents are alike."""
+    """True where the dive before it in the list ended shortly before: their currents are alike."""
     powered: bool = False
-    """A thruster drove it."""
+    """True where a thruster propelled the dive"""
 
     @property
     def duration(self) -> float:
-        """[s]"""
+        """[s] Time between the first and the last sample."""
         return self.period * (len(self.depth) - 1)
 
     def filtered(self, values: Array) -> Array:
-        """Values (..., time) through the same filter as the depth rate, without the derivative."""
+        """Pass values (..., time) through the depth rate's filter, without the derivative."""
         return savgol_filter(values, self.window, 2)
 
     def hull_warming(self, lag: float) -> Array:
-        """Temperature of the hull above the reference [K], `lag` [s] behind the water's."""
+        """Temperature [K] of the hull above the reference, `lag` [s] behind the water's."""
         if self.temperature is None:
             return np.zeros_like(self.depth)
         return lagging(self.temperature, lag / self.period) - REFERENCE_TEMPERATURE
 
 
 def check_channels(store: MissionStore, task: str = "identification") -> None:
-    """Make sure that a store has what a flight model reads.
+    """Raise StoreError where a store lacks a channel that a flight model reads.
 
     Args:
-      task: what it is for, as the error says it.
+      task: purpose, for the error's text.
 
     Raises:
       StoreError: a channel is missing.
@@ -135,15 +135,15 @@ def check_channels(store: MissionStore, task: str = "identification") -> None:
 def load_logs(
     store: str | StorePath, rows: Sequence[int] | None = None, *, task: str = "identification"
 ) -> list[Log]:
-    """Missions of a store of logs, real or simulated.
+    """Dives of a store of logs, real or simulated.
 
-    Left out are missions without a dive, and those without density where others have it: their
-    buoyancy is not known.
+    Rows without a dive are left out. So are rows without density in a store where others have it,
+    because their buoyancy is not known.
 
     Args:
       store: path of a zarr store of the schema.
-      rows: which missions, all by default.
-      task: what they are for, as errors say it.
+      rows: numbers of the rows, all by default.
+      task: purpose, for the errors' texts.
 
     Raises:
       StoreError: no such store, a missing channel, an unknown row, or no dive in any of them.
@@ -157,7 +157,7 @@ def load_logs(
     logs: list[Log] = []
     before: int | None = None
     for row, signals in every:
-        if blind:  # other vehicles of the store have a CTD, these have none
+        if blind:  # none of these rows has a CTD, though others of the store do
             signals.pop("measured_density", None)
         follows = before is not None and row == before + 1 and dives[row].follows(dives[before])
         log = log_of(row, signals, period, dives[row].displacement, follows)
@@ -175,10 +175,10 @@ def load_logs(
 def read_signals(
     store: MissionStore, names: Iterable[str], rows: Sequence[int] | None, word: str
 ) -> list[tuple[int, dict[str, Array]]]:
-    """Rows of a store, all by default, and their signals of these names, as far as it has them.
+    """Numbers of rows, all by default, each with those of the named signals that the store has.
 
     Raises:
-      StoreError: an unknown row, which the error calls by `word`, or a damaged store.
+      StoreError: an unknown row, which the error calls a `word`, or a damaged store.
     """
     chosen = list(range(len(store))) if rows is None else list(rows)
     for row in chosen:
@@ -194,10 +194,10 @@ def read_signals(
 
 
 def gliding(logs: Sequence[Log]) -> tuple[list[Log], tuple[int, ...]]:
-    """The missions that no thruster drove, and the rows of the others.
+    """Dives without a thruster, and the rows of the others.
 
     Raises:
-      InputError: a thruster drove all of them.
+      InputError: all dives ran their thruster.
     """
     kept: list[Log] = []
     for log in logs:
@@ -214,7 +214,7 @@ def gliding(logs: Sequence[Log]) -> tuple[list[Log], tuple[int, ...]]:
 
 
 def filled(values: Array | None) -> Array | None:
-    """Values with gaps interpolated in time; None where fewer than two are finite."""
+    """Values with gaps interpolated in time; None if fewer than two are finite."""
     if values is None:
         return None
     finite = np.isfinite(values)
@@ -231,13 +231,13 @@ def log_of(
     displacement: tuple[float, float] | None,
     follows: bool,
 ) -> Log | None:
-    """One mission for identification; None without a dive or one of the needed channels.
+    """Make one dive for identification; None without a dive or one of the needed channels.
 
     Args:
-      row: of the store. signals: by their names in the schema, in its units, (time,).
+      row: number in the store. signals: by their names in the schema, in its units, (time,).
       period: [s] between samples.
       displacement: north, east [m] over ground between its fixes.
-      follows: whether it began shortly after the one before.
+      follows: True where it began shortly after the dive before.
     """
     depth = filled(signals["measured_depth"])
     finite = np.isfinite(np.stack([signals[name] for name in NEEDED])).all(axis=0)
@@ -282,14 +282,14 @@ def log_of(
 
 
 def lagging(values: Array, samples: float) -> Array:
-    """Values (time,) through a first-order lag of so many samples, which begins settled."""
+    """Pass values (time,) through a first-order lag of `samples` samples, settled at the start."""
     share = 1.0 - np.exp(-1.0 / samples)
     start = [values[0] * (1.0 - share)]
     return np.asarray(lfilter([share], [1.0, share - 1.0], values, zi=start)[0])
 
 
 def layers(depth: Array, values: Array, thickness: float) -> tuple[Array, Array]:
-    """Depths [m] of the layers that a record passes, and the medians of its values in each."""
+    """Depths [m] of the layers that a record passes, and the median of its values in each."""
     numbers = np.maximum(np.round(depth / thickness), 0).astype(int)
     used = np.unique(numbers)
     return used * thickness, np.array([np.median(values[numbers == k]) for k in used])
@@ -306,7 +306,7 @@ def unwrapped(degrees: Array) -> Array:
 def _rates(
     optional: dict[str, Array | None], roll: Array, pitch: Array, heading: Array, period: float
 ) -> Array:
-    """Body rates (3, time): the gyroscopes', or the slopes of the attitude."""
+    """Body rates (3, time) by the gyroscopes, or else by the slopes of the attitude."""
     gyro = [optional.get(f"measured_{name}_rate") for name in ("roll", "pitch", "yaw")]
     if all(rate is not None for rate in gyro):
         return np.stack([np.asarray(rate) for rate in gyro])
@@ -318,7 +318,7 @@ def _rates(
 
 
 def body_rates(roll: Array, pitch: Array, d_roll: Array, d_pitch: Array, d_heading: Array) -> Array:
-    """Roll, pitch and yaw rate [rad/s], body FRD, (3, time), of an attitude [rad] and its slopes
+    """Roll, pitch and yaw rate [rad/s], body FRD, (3, time), from the attitude [rad] and its slopes
     [rad/s] (Fossen 2011, 2.26)."""
     return np.stack(
         [
@@ -330,11 +330,11 @@ def body_rates(roll: Array, pitch: Array, d_roll: Array, d_pitch: Array, d_headi
 
 
 def start_vehicle(store: str | StorePath) -> Vehicle:
-    """The vehicle file that suits a store: a simulated one's own, else that of the log's kind.
+    """Vehicle that suits a store: a simulated store's own, else the shipped one of the log's type.
 
     Raises:
-      StoreError: no such store, or a log of an unknown kind that no flight model can read.
-      InputError: the log does not say which kind of glider it is of.
+      StoreError: no such store, or a log of unknown type that lacks channels of a flight model.
+      InputError: the log does not say the type of its glider.
     """
     with MissionStore(store) as found:
         driven = any(f"{said}_propeller" in found for said in ("measured", "commanded"))
@@ -359,12 +359,12 @@ def start_vehicle(store: str | StorePath) -> Vehicle:
 
 
 def other_kind(store: str | StorePath, vehicle: Vehicle, kind: str = "") -> str:
-    """A warning if a vehicle is of another kind than the log, both as they say; empty if not.
+    """Warning where a vehicle is of another type than the log; empty otherwise.
 
-    A vehicle made from a shipped file still has its model's name; of other names nothing is known.
+    A vehicle made from a shipped file keeps its model's name. Other names say nothing of the type.
 
     Args:
-      kind: of the logs in `store`, as `factory import` calls it, where that is no store yet.
+      kind: name of the logs' type, as `factory import` calls it, where `store` is no store yet.
 
     Raises:
       StoreError: no such store.
@@ -383,12 +383,12 @@ def other_kind(store: str | StorePath, vehicle: Vehicle, kind: str = "") -> str:
 
 
 def _said(store: MissionStore) -> list[str]:
-    """Format and platform of a log."""
+    """Format and platform that a log names."""
     return [str(store.attributes.get(name, "")) for name in (SOURCE_FORMAT, PLATFORM)]
 
 
 def _kind(store: MissionStore) -> str | None:
-    """Kind of the glider, as a log says; None where it does not."""
+    """Type of glider that a log names; None where it names none."""
     return _glider(*_said(store))
 
 
@@ -397,7 +397,7 @@ def _glider(*said: str) -> str | None:
 
 
 def _slocum(store: MissionStore) -> str:
-    """The shallow one with a ballast pump, or the deep one with an oil pump."""
+    """Name of the shallow Slocum with a ballast pump, or of the deep one with an oil pump."""
     largest = 0.0
     for name, limit in SHALLOW_SLOCUM.items():
         if name in store:

@@ -7,10 +7,10 @@ At rest about the pitch axis the moments of weight, of the pumped volume and of 
         + (K_M0 V^2 + (K_M + Z_A - X_A) alpha V^2) / (g cos(pitch)),
 
 with `first` the first moment of the masses along the hull [kg m], which the battery's position
-moves, `righting` that below the centre of buoyancy, which a turned battery lessens, and Z_A - X_A
-the Munk moment of the added mass. Battery and pump are what was done and the pitch is what came of
-it: so the pitch is compared, and its noise does not soften the arm. What the pump and the water do
-part where the buoyancy changes with depth and the pump rests.
+changes, `righting` the moment below the centre of buoyancy, which a turned battery lessens, and
+Z_A - X_A the Munk moment of the added mass. Positions of battery and pump are inputs and the pitch
+is the output, so the pitch is compared: its noise then does not bias the righting arm. Effects of
+pump and water separate where the buoyancy changes with depth while the pump rests.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ from twin.vehicle.parts.pump import CUBIC_CM
 
 MILLI = 1e-3
 LENGTH = 120.0
-"""[s] of steady flight that make one observation"""
+"""[s] Duration of steady flight for one observation"""
 LEAST_PITCH = np.deg2rad(0.5)
-"""[rad] that the pitch is off at least"""
+"""[rad] Lower bound of the standard deviation of the pitch"""
 INDEPENDENT = 600.0
-"""[s] that one observation stands for: drifts of density and trim last that long"""
+"""[s] Time between independent observations: drifts of density and trim last that long"""
 PASSES = 4
-"""Fits between which weights are taken again"""
+"""Number of fits; weights are set again after each"""
 FIRST_DEVIATION = np.deg2rad(3.0)
-"""[rad] of pitch that a search starts with"""
+"""[rad] Standard deviation of the pitch with which a search starts"""
 LEAST_OBSERVATIONS = 4
-"""of dives and of climbs each, below which nothing is said about pitch"""
+"""Fewest observations of dives, and of climbs, for a fit of the pitch"""
 
 
 def righting_arm(calibration: Calibration) -> float:
@@ -51,13 +51,13 @@ def righting_arm(calibration: Calibration) -> float:
 
 
 def battery_moment(calibration: Calibration) -> float:
-    """[kg m] first moment of the battery below the axis that it turns about."""
+    """First moment [kg m] of the battery below its axis of rotation."""
     battery = calibration.vehicle.battery
     return battery.mass * battery.eccentricity
 
 
 def with_righting_arm(calibration: Calibration, arm: float) -> Calibration:
-    """The hull's centre of gravity moved so that the whole has this righting arm [m]."""
+    """Move the hull's centre of gravity so that the whole vehicle has this righting arm [m]."""
     v = calibration.vehicle
     cg = v.static_cg.copy()
     cg[2] = (arm * v.mass - battery_moment(calibration)) / v.static_mass
@@ -65,16 +65,16 @@ def with_righting_arm(calibration: Calibration, arm: float) -> Calibration:
 
 
 def munk_moment(calibration: Calibration, axis: int = 1) -> float:
-    """[kg] that the hull's own moment of a flow angle has over the product of both speeds.
+    """Munk moment [kg] of the hull over the product of both speeds.
 
-    In yaw, of sideslip, Y_A - X_A over u v; by axis 2, in pitch, Z_A - X_A over u w.
+    Axis 1: yaw by sideslip, Y_A - X_A, over u v. Axis 2: pitch, Z_A - X_A, over u w.
     """
     added = calibration.vehicle.added_mass
     return float(max(added[axis, axis] - added[0, 0], 1e-3 * calibration.vehicle.mass))
 
 
 def pump_of(calibration: Calibration) -> Pump:
-    """The pump that guidance uses; VehicleError without one."""
+    """Pump that guidance uses; VehicleError without one."""
     pump = calibration.vehicle.steered("buoyancy")
     if not isinstance(pump, Pump):
         raise VehicleError(f"vehicle {calibration.vehicle.name!r} has no pump")
@@ -108,31 +108,31 @@ PITCHING = (
         0.5, "pitch_moment", 1, lambda c: munk_moment(c, 2), channel="density"),
 )
 # fmt: on
-"""Parameters that a twin needs to pitch as the log does."""
+"""Parameters of a twin that pitches as the log"""
 NAMES = tuple(p.name for p in PITCHING)
 
 
 class PitchObservations(NamedTuple):
-    """Steady parts of a log, each (observations,): means over `LENGTH`."""
+    """Means over steady parts of LENGTH seconds of a log, each (observations,)."""
 
     pitch: Array
-    """[rad] as the sensor has it"""
+    """[rad] Pitch by the sensor"""
     roll: Array
-    """[rad] magnitude"""
+    """[rad] Magnitude of the roll"""
     rotation: Array
-    """[rad] of the battery, magnitude"""
+    """[rad] Magnitude of the battery's rotation"""
     shift: Array
-    """[m]"""
+    """[m] Battery's position"""
     pump: Array
-    """[cm3]"""
+    """[cm3] Pumped volume"""
     square: Array
-    """[m2/s2] speed squared"""
+    """[m2/s2] Squared speed"""
     alpha: Array
-    """[rad]"""
+    """[rad] Angle of attack"""
 
 
 def observations(log: Log, calibration: Calibration) -> PitchObservations:
-    """Steady parts of a log; none where the battery's position is not known."""
+    """Observations of a log's steady parts; none where the battery's position is not known."""
     columns = [np.zeros(0)] * 7
     length = max(round(LENGTH / log.period), 2)
     steady = log.use & steady_parts(log)
@@ -170,7 +170,7 @@ def balanced_pitch(seen: PitchObservations, calibration: Calibration) -> Array:
 
 
 class Pitches(Comparison):
-    """Channel "pitch" [rad]: the pitch at which the moments balance, in the steady parts."""
+    """Channel "pitch" [rad] of steady parts: pitch at which the moments balance, less measured."""
 
     def __init__(
         self,
@@ -180,7 +180,7 @@ class Pitches(Comparison):
     ):
         self.logs = logs
         self.seen = [observations(log, nominal) for log in logs]
-        # speeds are the flight model's, which these alone do not change
+        # speeds are the flight model's; parameters of PITCHING do not change them
         self.flies = any(p.name not in NAMES for p in parameters)
         channel = ComparedQuantity(
             unit="rad", least=float(LEAST_PITCH), samples=INDEPENDENT / LENGTH
@@ -189,12 +189,12 @@ class Pitches(Comparison):
 
     @property
     def enough(self) -> bool:
-        """Whether dives and climbs say something about pitch."""
+        """True where dives and climbs have observations enough for a fit."""
         pitch = np.concatenate([self.nominal.true_pitch(one.pitch) for one in self.seen])
         return min((pitch < 0.0).sum(), (pitch > 0.0).sum()) >= LEAST_OBSERVATIONS
 
     def missed(self, x: Array) -> dict[str, list[Array]]:
-        """Model less log."""
+        """Model less log, see the base."""
         calibration, seen = self.calibration(x), self.seen
         if self.flies:
             seen = [observations(log, calibration) for log in self.logs]
@@ -206,17 +206,17 @@ class Pitches(Comparison):
 
 
 def balanced(logs: Sequence[Log], nominal: Calibration) -> Fitted | None:
-    """Battery zero, righting arm, pump position and pitch moment of the steady parts.
+    """Fit battery zero, righting arm, pump position and pitch moment to the steady parts.
 
     None where the logs have no battery positions, or too little steady flight of a phase.
     """
-    # without a CTD the change of buoyancy with depth is unknown, and this would take it up
+    # without a CTD the change of buoyancy with depth is unknown, and the moment would take it up
     blind = any(log.density is None for log in logs)
     parameters = tuple(p for p in PITCHING if not (blind and p.channel == "density"))
     pitches = Pitches(logs, nominal, parameters)
     if not pitches.enough:
         return None
-    # the battery's zero first: from far off every pitch is near 90 deg and says nothing
+    # far from the battery's zero every balanced pitch is near 90 deg, and small weights find it
     x = np.zeros(pitches.size)
     first = {"pitch": ResidualNoise(deviation=float(FIRST_DEVIATION), samples=1.0)}
     x, _ = pitches.fit(x, PASSES, first=first, max_nfev=50)

@@ -1,4 +1,4 @@
-"""Proof: an identified vehicle flies, before its file is written.
+"""Proof: test flights of an identified vehicle before its file is written.
 
 A glider must trim in the log's dive and in its climb, be stable there, turn when it is steered,
 settle under guidance, and hold its heading through a dive and a climb flown in MuJoCo. A propelled
@@ -28,31 +28,31 @@ from twin.vehicle.vehicle import Vehicle
 from twin.water.density import DensityProfile
 
 STEERED, LEAST_TURN = 0.25, math.radians(0.02)
-"""Of its travel that the turning part is moved by, and [rad/s] that the vehicle must turn then"""
+"""Fraction of its travel by which the turning part moves; [rad/s] least turn rate for it"""
 COURSE = 30.0
-"""[deg] of heading that the flight changes by at its start"""
+"""[deg] Change of heading at the start of the flight"""
 MOST_SD, MOST_ERROR = 2.0, 3.0
-"""[deg] of heading and pitch once they have settled: standard deviation, error of the mean"""
+"""[deg] Largest standard deviation and largest mean error of heading and pitch once settled"""
 PART = 0.5
-"""Last part of a dive and of a climb that is judged"""
+"""[1] Last fraction of a dive and of a climb that is judged"""
 LONGEST, SHORTEST = 1500.0, 600.0
-"""[s] of a dive and of a climb of the flight"""
+"""[s] Longest and shortest duration of a dive and of a climb of the flight"""
 START_DEPTH = 10.0
-"""[m]"""
+"""[m] Depth at which the flight starts"""
 SLOWEST_RATE = 0.02
-"""[m/s] of depth below which a vehicle does not fly"""
+"""[m/s] Depth rate below which a vehicle does not fly"""
 SAMPLE, DRIVEN_SAMPLE = 2.0, 0.5
-"""[s] of a glider's flight, and of a propelled vehicle's"""
+"""[s] Time between samples of a glider's flight and of a propelled vehicle's"""
 DEPTHS, COURSES = (15.0, 25.0), (0.0, 90.0)
-"""[m], [deg] of the two legs of a propelled vehicle"""
+"""[m], [deg] Depths and headings of the two legs of a propelled vehicle"""
 LENGTH, JUDGED = 60.0, 0.25
-"""Hull lengths of each leg, and the last part of it that is judged"""
+"""Length of each leg in hull lengths; last fraction of it that is judged"""
 MOST_DEPTH, MOST_HEADING, MOST_SPEED = 1.0, 3.0, 0.05
-"""[m], [deg] and part of the speed by which it may be off there, on average"""
+"""[m], [deg], [1] Largest mean error of depth and heading, and of speed over the speed"""
 
 
 def failures(calibration: Calibration, phases: Sequence[Phase]) -> tuple[str, ...]:
-    """Failures of a calibrated vehicle in these phases; empty when it flies."""
+    """Sentences on the failures of a vehicle in these phases; empty when it flies."""
     vehicle = calibration.vehicle
     found: list[str] = []
     for phase in phases:
@@ -92,7 +92,7 @@ def _phase(vehicle: Vehicle, phase: Phase) -> list[str]:
 
 
 def _spiral(vehicle: Vehicle, phase: Phase, positions: Array, gain: float) -> list[str]:
-    """Whether the turning part turns it as its linear gain [rad/s per unit] says."""
+    """Failure of the turning part to turn the vehicle as its linear gain [rad/s per unit]."""
     part = vehicle.steered("heading")
     assert part is not None
     named = dict(zip(vehicle.part_names, positions.tolist(), strict=True))
@@ -135,7 +135,7 @@ def _flight(vehicle: Vehicle, phases: Sequence[Phase]) -> list[str]:
             ),
         ),
     )
-    # as dense as it feels to a hull that shrinks: the buoyancy of the trims all the way down
+    # the density grows as the hull shrinks, so that the trims' buoyancy holds at every depth
     depth = np.array([0.0, 2000.0])
     pressure = vehicle.reference_density * vehicle.gravity * depth
     density = vehicle.reference_density / (1.0 - vehicle.hull_compressibility * pressure)
@@ -146,7 +146,7 @@ def _flight(vehicle: Vehicle, phases: Sequence[Phase]) -> list[str]:
         density=DensityProfile(depth=depth, values=density),
         sample_period=SAMPLE,
         timestep=largest_step(vehicle),
-        start=Start(  # gliding: what a vehicle does at the surface is not asked
+        start=Start(  # in a glide: the surface is not judged
             depth=START_DEPTH,
             pitch=float(state[7]),
             v_rel=(float(state[0]), float(state[1]), float(state[2])),
@@ -165,7 +165,7 @@ def _held(
 ) -> list[str]:
     depth, heading, pitch = (flown[f"true_{name}"] for name in ("depth", "heading", "pitch"))
     bottom = int(np.argmax(depth))
-    turned = int(np.argmax(depth >= deepest))  # from there on it pumps, and glides on for minutes
+    turned = int(np.argmax(depth >= deepest))  # here the pump starts; the dive goes on for minutes
     end = bottom + int(np.argmax(depth[bottom:] < 6.0)) if (depth[bottom:] < 6.0).any() else 0
     if end <= bottom:
         return ["it does not come up from its dive"]
@@ -188,7 +188,7 @@ def _held(
 
 
 def driven_failures(calibration: Calibration, speed: float) -> tuple[str, ...]:
-    """Failures of a propelled vehicle at a speed [m/s]; empty when it flies."""
+    """Sentences on the failures of a propelled vehicle at a speed [m/s]; empty when it flies."""
     vehicle = calibration.vehicle
     duration = max(LENGTH * vehicle.hull_length / speed, 60.0)
     plan = Mission(

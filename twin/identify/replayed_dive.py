@@ -22,23 +22,23 @@ Phase = Literal["dive", "climb"]
 PHASES: tuple[Phase, ...] = ("dive", "climb")
 
 REVERSAL = 5.0
-"""[m] of the other way that end a leg: `factory import` calls a dive what is deeper than this"""
+"""[m] Reversal of the depth that ends a leg; `factory import` has the same limit."""
 LEAST_RANGE = 15.0
-"""[m] of a leg that is compared; a shorter one is an inflection and little else"""
+"""[m] Least range of depth of a compared leg: a shorter one is mostly inflection"""
 MARGIN, LEAST_MARGIN = 0.1, 3.0
-"""Part of a leg's range, and metres at least, that are inflection at either end of it"""
+"""Fraction of a leg's range, and [m] at least, that is inflection at either end"""
 
 SMOOTHING = 20.0
-"""[s] of the depth's filter: shorter than an inflection, longer than pressure noise"""
+"""[s] Window of the depth's filter: shorter than an inflection, longer than pressure noise"""
 COURSE = 900.0
-"""[s] of the running mean that is the target of a log without a heading setpoint: longer than the
-periods of heading loops, shorter than most legs"""
+"""[s] Window of the running mean that is the heading target of a log without a setpoint: longer
+than the periods of heading loops, shorter than most legs"""
 TOLERANCE, LEAST_PIECE = 3.0, 5.0
-"""[deg] by which a heading target may wander within one piece of a leg, [m] of its depth"""
+"""[deg] Largest range of the heading target in one section of a leg; [m] least depth range of it"""
 PUMP_REST = 20.0
-"""[cm3] about a leg's median within which the pump is at rest"""
+"""[cm3] Distance from a leg's median within which the pump is at rest"""
 PUMP_STILL = 6
-"""samples around one that a pump at rest stays within as much"""
+"""Number of samples around one within which a pump at rest stays within PUMP_REST"""
 
 
 class HeadingLeg(NamedTuple):
@@ -48,30 +48,30 @@ class HeadingLeg(NamedTuple):
     last: int
     phase: Phase
     top: float
-    """[m]"""
+    """[m] Least depth"""
     bottom: float
-    """[m]"""
+    """[m] Largest depth"""
 
     @property
     def samples(self) -> slice:
-        """Its samples."""
+        """Samples of the leg."""
         return slice(self.first, self.last + 1)
 
     @property
     def band(self) -> tuple[float, float]:
-        """Depths [m] between which it is away from its inflections."""
+        """Depths [m] between which the leg is away from its inflections."""
         margin = max(MARGIN * (self.bottom - self.top), LEAST_MARGIN)
         return self.top + margin, self.bottom - margin
 
     @property
     def compared(self) -> bool:
-        """Whether it is long enough to be compared."""
+        """True where the leg is long enough to be compared."""
         return self.bottom - self.top >= LEAST_RANGE
 
 
 def legs_of(depth: Array) -> list[HeadingLeg]:
     """Descents and climbs in their order; `depth` [m], (time,), without NaN."""
-    # where the depth turns round by REVERSAL, with the ends of what moves so far
+    # samples at which the depth turns round by REVERSAL, with both ends of the record
     turns: list[int] = []
     low = high = way = 0
     for k, z in enumerate(depth):
@@ -98,30 +98,30 @@ USUAL = {
     BatteryHinge: "measured_rotation",
     Pump: "measured_pump",
 }
-"""Signals that importers give the parts of real vehicles, whatever a vehicle file calls them."""
+"""Signals of real vehicles' parts, as importers name them"""
 RUDDER = "measured_fin"
-"""The same, of a fin that turns the vehicle."""
+"""Signal of a fin that turns the vehicle"""
 USUAL_NAMES = frozenset({RUDDER, *USUAL.values()})
 TURNING = (RUDDER, USUAL[BatteryHinge])
-"""Signals of what turns a vehicle."""
+"""Signals of parts that turn a vehicle"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Turning:
-    """The part that turns the vehicle, and the signal of what turned the logged one."""
+    """The turning part of the vehicle file, and the signal of the logged vehicle's."""
 
     part: str
-    """name of the vehicle's part"""
+    """Name of the vehicle's part"""
     signal: str | None
-    """of the log, None: it has no position of what turns it"""
+    """Signal in the log; None: the log has no position of a turning part"""
     same: bool
-    """whether both are the same kind of part, so that their effects can be compared"""
+    """True where both are parts of the same type, so that their effects can be compared"""
     sense: float
-    """what the vehicle's position is multiplied by to have the log's sign"""
+    """Factor on the vehicle's position that gives the log's sign"""
 
 
 def log_signal(vehicle: Vehicle, part: Part, names: Container[str]) -> str | None:
-    """Name of the log's signal of a part: by the part's own name or by its kind; None without."""
+    """Name of the log's signal of a part, by the part's name or else by its type; None without."""
     turns = vehicle.steering.get("heading") == part.name
     usual = RUDDER if isinstance(part, Fin) and turns else USUAL.get(type(part))
     for name in (f"measured_{part.name}", usual):
@@ -131,7 +131,7 @@ def log_signal(vehicle: Vehicle, part: Part, names: Container[str]) -> str | Non
 
 
 def turning_of(vehicle: Vehicle, names: Container[str]) -> Turning | None:
-    """The turning part beside the log's; None of a vehicle without one."""
+    """Turning part with the log's signal; None for a vehicle without a turning part."""
     part = vehicle.steered("heading")
     if part is None:
         return None
@@ -147,26 +147,26 @@ def turning_of(vehicle: Vehicle, names: Container[str]) -> Turning | None:
 
 
 class DivePiece(NamedTuple):
-    """A part of a leg with one heading target and one position of the pump."""
+    """A section of a leg with one heading target and one position of the pump."""
 
     last: int
-    """sample at which it ends"""
+    """Last sample"""
     heading: float | None
-    """[deg] true; None: the log has no heading"""
+    """[deg] True heading; None: the log has no heading"""
     pump: float
-    """[cm3]"""
+    """[cm3] Pumped volume"""
 
 
 class Target(NamedTuple):
-    """Pitch, pump, turning depth and headings that a leg was flown by."""
+    """Targets of a leg: pitch, pump, turning depth and headings."""
 
     leg: HeadingLeg
     pitch: float
-    """[deg], nose up: the mean that the log flew, as a glider's own loop has a dead band"""
+    """[deg] Mean pitch of the log, nose up: a glider's own loop has a dead band"""
     pump: float
-    """[cm3] where it was for most of the leg"""
+    """[cm3] Pumped volume for most of the leg"""
     turn_depth: float
-    """[m] at which its end began: where the pump left its position"""
+    """[m] Depth at which the pump left its position for the next leg"""
     pieces: tuple[DivePiece, ...]
 
 
@@ -175,39 +175,39 @@ class ReplayedDive(NamedTuple):
 
     row: int
     period: float
-    """[s]"""
+    """[s] Time between samples"""
     depth: Array
-    """[m], filtered"""
+    """[m] Filtered depth"""
     pitch: Array
-    """[deg] of the hull"""
+    """[deg] Pitch of the hull"""
     roll: Array | None
-    """[deg]"""
+    """[deg] Measured roll"""
     heading: Array | None
-    """[deg] true, of the hull, unwrapped"""
+    """[deg] True heading of the hull, unwrapped"""
     speed: Array | None
-    """[m/s] through the water by a Doppler log or profiler, NaN where it measured none"""
+    """[m/s] Speed through the water by a Doppler log or profiler, NaN where not measured"""
     water: tuple[Array, ...]
-    """in-situ density [kg/m3]; after it temperature [degree_Celsius] and salinity where known"""
+    """In-situ density [kg/m3]; after it temperature [degree_Celsius] and salinity where known"""
     positions: dict[str, Array]
-    """of the vehicle's parts, by their names, in the units of stores"""
+    """Positions of the vehicle's parts by their names, in the units of stores"""
     turning: Array | None
-    """[deg] of what turned the vehicle"""
+    """[deg] Position of the log's turning part"""
     measured: Mask
-    """where attitude and depth are original samples"""
+    """True where attitude and depth are original samples"""
     targets: tuple[Target, ...]
     heading_target: Array | None
-    """[deg], (time,), NaN outside legs"""
+    """[deg] Heading target, (time,), NaN outside legs"""
 
     @property
     def legs(self) -> list[HeadingLeg]:
-        """Its descents and climbs."""
+        """Descents and climbs of the dive."""
         return [target.leg for target in self.targets]
 
 
 def read_dive(
     store: LogStore, row: int, hull: Calibration, turning: Turning | None
 ) -> ReplayedDive | None:
-    """One row of a store; None where it has no leg with depth, pitch and pump."""
+    """One row of a store; None without a leg that has depth, pitch and pump."""
     depth = filled(store.signal("measured_depth", row))
     pitch = filled(store.signal("measured_pitch", row))
     pump = filled(_pump(store, row, hull))
@@ -258,7 +258,7 @@ def read_dive(
 
 
 def _course(degrees: Array) -> Array | None:
-    """Heading [deg] without jumps at north, gaps bridged; None where there is none."""
+    """Heading [deg] without jumps at north, gaps bridged; None without any value."""
     return filled(np.rad2deg(unwrapped(degrees)))
 
 
@@ -274,7 +274,7 @@ def _pump(store: LogStore, row: int, hull: Calibration) -> Array:
 
 
 def _speed(store: LogStore, row: int) -> Array | None:
-    """Speed through the water [m/s] that was measured, NaN where not; None without any."""
+    """Measured speed through the water [m/s], NaN in gaps; None without any."""
     speed = store.signal("true_speed", row)
     parts = np.stack([store.signal(f"true_{name}", row) for name in VELOCITY])
     speed = np.where(np.isfinite(speed), speed, np.sqrt(np.sum(parts**2, axis=0)))
@@ -282,7 +282,7 @@ def _speed(store: LogStore, row: int) -> Array | None:
 
 
 def _heading_target(store: LogStore, row: int, heading: Array | None) -> Array | None:
-    """Setpoint near the heading [deg], or its running mean, which the ends of a log shorten."""
+    """Setpoint [deg] unwrapped near the heading, or the heading's running mean; None without."""
     if heading is None:
         return None
     asked = store.signal("commanded_heading", row)
@@ -321,10 +321,10 @@ def _target(
 
 
 def pump_levels(leg: HeadingLeg, pump: Array, usual: float) -> Array:
-    """Where the pump of a leg was sent [cm3], at each sample of the leg.
+    """Commanded volume [cm3] of the pump at each sample of a leg.
 
-    Pumps move in steps: what moves counts as where it rests next. Less drive than `usual`, that of
-    most of the leg, is a pump on its way from the leg before.
+    Pumps move in steps: a moving pump counts as at its next rest. Less net buoyancy than at the
+    `usual` volume is a pump on its way from the leg before.
     """
     values = pump[leg.samples]
     width = PUMP_STILL + 1
@@ -342,8 +342,8 @@ def pump_levels(leg: HeadingLeg, pump: Array, usual: float) -> Array:
 def _pieces(
     leg: HeadingLeg, depth: Array, wanted: Array | None, levels: Array, turn: float
 ) -> tuple[DivePiece, ...]:
-    """Parts of a leg, before it begins to turn at the depth `turn`, within which heading target
-    and pump stay where they are."""
+    """Sections of a leg with constant heading target and pump, before the leg ends at the depth
+    `turn`."""
     pieces: list[DivePiece] = []
     begin = leg.first
 
@@ -367,7 +367,7 @@ def _pieces(
 
 
 def _per_sample(targets: tuple[Target, ...], count: int) -> Array | None:
-    """The heading target at each sample [deg]; NaN outside legs."""
+    """Heading target at each sample [deg]; NaN outside legs, None without any."""
     out = np.full(count, np.nan)
     for target in targets:
         begin = target.leg.first

@@ -8,9 +8,9 @@
 fixes, the depth-averaged current of each mission with that of the mission before, which a wrong
 angle of attack or compass makes jump as the vehicle turns.
 
-`dive_residuals` has all that `twin identify` minimises (`twin.identify.comparison`). Here every
-parameter may move each of them: drag the speed, and with it the pitch at which the moments balance
-and the glide that turns are linearised about.
+`dive_residuals` has all residuals that `twin identify` minimises (`twin.identify.comparison`). Here
+every parameter may change each of them. Drag, for one, changes the speed, the pitch at which the
+moments balance, and the glide about which turns are linearised.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ from twin.identify.turning_windows import channel_of, groups_of, windows_of
 from twin.identify.unknowns import UnknownParameter
 
 LEAST_PAIRS = 6
-"""Pairs of missions with fixes below which fixes are not used."""
+"""Fewest pairs of consecutive dives with fixes for which fixes are used"""
 LEAST_CURRENT_CHANGE = 0.01
-"""[m/s] between missions that no estimate of its spread falls below."""
+"""[m/s] Lower bound of the standard deviation of the current's change between dives"""
 LONGEST_CORRELATION = 600.0
-"""[s] up to which autocorrelation is summed: half of a long dive."""
+"""[s] Longest lag over which autocorrelation is summed: half of a long dive"""
 FIRST_DEVIATION = 0.01
-"""[m/s] of depth rate that a search starts with"""
+"""[m/s] Standard deviation of the depth rate with which a search starts"""
 
 
 class DepthRates(Comparison):
-    """Channels "depth_rate" [m/s], of every log, and "current" [m/s], of each pair with fixes."""
+    """Channels "depth_rate" [m/s] of every log and "current" [m/s] of each pair with fixes."""
 
     def __init__(
         self,
@@ -59,7 +59,7 @@ class DepthRates(Comparison):
         pairs = [k for k in range(1, len(logs)) if logs[k].follows and fixed[k] and fixed[k - 1]]
         self.pairs = pairs if fixes and len(pairs) >= LEAST_PAIRS else []
         longest = round(LONGEST_CORRELATION / logs[0].period)
-        # Differences of one series: each current enters two of them, hence twice the variance.
+        # each dive's current enters two differences, hence twice the variance
         channels = {
             "depth_rate": ComparedQuantity(unit="m/s", least=1e-12, longest=longest),
             "current": ComparedQuantity(unit="m/s", least=LEAST_CURRENT_CHANGE, samples=2.0),
@@ -73,11 +73,11 @@ class DepthRates(Comparison):
         self._kept: dict[tuple[tuple[UnknownParameter, ...], bytes], list[Translation]] = {}
 
     def missed(self, x: Array) -> dict[str, list[Array]]:
-        """Model less log."""
+        """Model less log, see the base."""
         return next(self.missed_at([x]))
 
     def missed_at(self, places: Sequence[Array]) -> Iterator[dict[str, list[Array]]]:
-        """`missed` at each place; `ABREAST` of them fly side by side."""
+        """Yield `missed` at each place; `ABREAST` places fly side by side."""
         for k in range(0, len(places), ABREAST):
             some = [(x, self.calibration(x)) for x in places[k : k + ABREAST]]
             keys = [self._key(x) for x, _ in some]
@@ -92,14 +92,14 @@ class DepthRates(Comparison):
                 yield {"depth_rate": rates, "current": self._current_changes(*pair)}
 
     def _key(self, x: Array) -> tuple[tuple[UnknownParameter, ...], bytes]:
-        """Of the motions; the compass changes none, only where it leads."""
+        """Key of the motions at these offsets, without the compass, which changes no motion."""
         moving = [not p.name.startswith("heading") for p in self.parameters]
         return self.parameters, x[np.array(moving, bool)].tobytes()
 
     def _depth_rates(
         self, pairs: Sequence[tuple[Calibration, list[Translation]]]
     ) -> list[list[Array]]:
-        """Model less measured [m/s] at the used samples of each log, by each calibration."""
+        """Model less measured [m/s] at the used samples of each log, for each calibration."""
         out: list[list[Array]] = [[] for _ in pairs]
         for k, (log, mask) in enumerate(zip(self.logs, self.masks, strict=True)):
             sinks = [
@@ -125,18 +125,18 @@ class DepthRates(Comparison):
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class DiveResiduals:
-    """Residuals of dives near a calibration, and their slopes."""
+    """Residuals of dives near a calibration, with their Jacobian."""
 
     unknowns: tuple[str, ...]
-    """Names of the parameters, then of the biases of `twin.identify.turning_fit`: the columns of
-    each Jacobian, in spreads"""
+    """Columns of each Jacobian, in spreads: names of the parameters, then of the biases of
+    `twin.identify.turning_fit`"""
     channels: Mapping[str, Residuals]
     """"depth_rate" [m/s], and where the log has enough of them "pitch" [rad], "yaw_rate" [rad/s]
     and "roll" [rad]"""
 
     def information(self) -> tuple[Array, Array]:
-        """J^T J and J^T r of all residuals over their deviations, (unknowns, unknowns) and
-        (unknowns,): sums over dives are those of a fit to all of them."""
+        """J^T J, (unknowns, unknowns), and J^T r, (unknowns,), of all residuals over their standard
+        deviations. Their sums over dives belong to a fit to all of the dives."""
         size = len(self.unknowns)
         matrix, slope = np.zeros((size, size)), np.zeros(size)
         for one in self.channels.values():
@@ -156,10 +156,10 @@ def dive_residuals(
 
     Args:
       logs: one dive, or several of one vehicle and sample period.
-      calibration: where the residuals are taken, and what each parameter's offsets count from.
-      parameters: of `twin.identify.unknowns`, `pitch.PITCHING` and `turning.TURNING`.
-      noise: how far each channel is off, as earlier dives had it (`noise_of_dives`); a channel
-        that it lacks is judged by these dives alone.
+      calibration: point at which residuals and slopes are taken.
+      parameters: any of `twin.identify.unknowns`, `pitch.PITCHING` and `turning_fit.TURNING`.
+      noise: noise of each channel in earlier dives (`noise_of_dives`); the noise of a channel that
+        is not in it comes from these dives.
 
     Raises:
       InputError: the calibration does not fly.
@@ -180,7 +180,7 @@ def dive_residuals(
 
 
 def noise_of_dives(logs: Sequence[Log], calibration: Calibration) -> dict[str, ResidualNoise]:
-    """Noise of each channel of these dives."""
+    """Noise of each channel in these dives, by the channel's name."""
     found: dict[str, ResidualNoise] = {}
     for comparison in _comparisons(logs, calibration, ()):
         found |= comparison.reweight(np.zeros(comparison.size))
@@ -190,7 +190,7 @@ def noise_of_dives(logs: Sequence[Log], calibration: Calibration) -> dict[str, R
 def _comparisons(
     logs: Sequence[Log], calibration: Calibration, parameters: tuple[UnknownParameter, ...]
 ) -> Iterator[Comparison]:
-    """Comparisons that these dives have something for."""
+    """Yield the comparisons for which these dives have data."""
     yield DepthRates(logs, calibration, parameters)
     yield Pitches(logs, calibration, parameters)
     windows = windows_of(logs, calibration)

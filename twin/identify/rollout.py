@@ -1,11 +1,10 @@
 """Rollout: the full MuJoCo twin on logged actuator positions, refined by batched least squares.
 
-The flight model takes the attitude from the log; the twin makes its own. Parts of the log are
-flown again from the state that the flight model finds at their beginning, with the logged battery
-and pump as commands, and the depth rate and the pitch that come out are compared with the logged
-ones. That adds what only the moments tell (`twin.identify.pitch`): where the battery's neutral
-position, the centre of gravity and the pump lie. All windows and all steps of the finite
-differences fly side by side in one batch.
+The flight model takes the attitude from the log; the twin computes its own. Windows of the log are
+flown again from the flight model's state at their beginning, with the logged battery and pump as
+commands. Depth rate and pitch of the twin are compared with the logged ones. The pitch adds the
+parameters of the moments (`twin.identify.pitch`): positions of battery, centre of gravity and pump.
+All windows and all steps of the finite differences fly side by side in one batch.
 """
 
 from __future__ import annotations
@@ -32,44 +31,44 @@ from twin.physics.start import Start
 from twin.water.density import DensityProfile
 
 WINDOWS_S = (400.0, 200.0, 100.0)
-"""[s] of one rollout: longer, and the twin's depth leaves the water that the log was in; shorter
-where dives are too short for enough of them."""
+"""[s] Lengths of a rollout that are tried. In longer ones the twin's depth leaves the water of the
+log; shorter ones are for dives too short for ENOUGH_WINDOWS."""
 ENOUGH_WINDOWS = 4
 SETTLE_S = 30.0
-"""[s] at its start that are not compared: the start is an estimate."""
+"""[s] Time at the start of a window that is not compared: the start is an estimate."""
 MOST_WINDOWS = 12
 LEAST_DEPTH = 10.0
-"""[m] where a window may start."""
+"""[m] Least depth at the start of a window"""
 REFINED = ("neutral_density", "drag", "lift_ratio", "compressibility")
-"""Parameters of `twin.identify.unknowns` that the twin flies with."""
+"""Parameters of `twin.identify.unknowns` that the twin's fit includes"""
 ITERATIONS = 6
-"""Gauss-Newton steps: it starts at the flight model's answer."""
+"""Number of Gauss-Newton steps from the flight model's answer"""
 PARTS = (1.0, 0.5, 0.2, 0.05, 0.0)
-"""Of a Gauss-Newton step that are tried side by side; the best is taken."""
+"""Fractions of a Gauss-Newton step that are tried side by side; the best is taken."""
 STEP = 0.02
-"""Spreads of the finite differences: well above what the time step leaves."""
+"""Step of the finite differences in spreads, well above errors of the time step"""
 PROMPT_LAG, PROMPT_RATE = 0.2, 1e4
-"""[s] and units per second of actuators that follow the logged positions."""
+"""[s], [units/s] Lag and largest rate of actuators that follow the logged positions"""
 REACH = 10.0
-"""Travels of an actuator by which its logged positions may lie beyond its ends."""
+"""Distance in travels by which logged positions may lie beyond an actuator's ends"""
 PITCH_BIAS = np.deg2rad(0.3)
-"""[rad] of bias that the attitude sensor may have from one window to the next."""
+"""[rad] Standard deviation of the attitude sensor's bias between windows"""
 MOST_PITCH = np.deg2rad(3.0)
-"""[rad] of pitch that a refined twin may be off: more, and its drag answers for the wrong angle."""
+"""[rad] Largest RMS residual of the pitch: with more, the drag would compensate a wrong angle."""
 DENSITY_STEP = 2.0
-"""[m] of the density profile taken from the log."""
+"""[m] Thickness of the layers of the log's density profile"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Refinement:
-    """The identification with the twin's answers in place of the flight model's."""
+    """Identification with the twin's estimates in place of the flight model's."""
 
     identification: Identification
     flight: Identification
     depth_rate_rmse: float
-    """[m/s] of the twin in the windows."""
+    """[m/s] RMS residual of the twin's depth rate in the windows"""
     pitch_rmse: float
-    """[rad] of the twin in the windows."""
+    """[rad] RMS residual of the twin's pitch in the windows"""
     windows: int
 
     def describe(self) -> dict[str, Any]:
@@ -82,7 +81,7 @@ class Refinement:
 
 
 class _Window(NamedTuple):
-    """A part of a log: its samples, and its water."""
+    """A part of a log with its water."""
 
     log: Log
     part: slice
@@ -95,10 +94,10 @@ def refine(
     *,
     progress: Callable[[float], None] = lambda part: None,
 ) -> Refinement:
-    """Fit the twin to windows of the logs, from what `identify` found.
+    """Fit the twin to windows of the logs, from the answer of `identify`.
 
     Args:
-      progress: called with the part done, 0 to 1.
+      progress: called with the fraction done, 0 to 1.
 
     Raises:
       InputError: no window with battery positions, or the twin does not fly them.
@@ -194,7 +193,7 @@ def _windows_of(log: Log, calibration: Calibration, seconds: float) -> list[_Win
         part = slice(first, first + length + 1)
         deep = log.depth[first] > LEAST_DEPTH and log.depth[part].min() > 0.5 * LEAST_DEPTH
         if deep and log.use[part].all():
-            # as dense as it feels to a hull that swells, which the twin's physics does not know
+            # the hull's thermal expansion goes into the density: the twin's physics has none
             warming = log.hull_warming(calibration.thermal_lag)
             density = density_of(log, calibration) * (1.0 + calibration.thermal_expansion * warming)
             depths, values = layers(log.depth[part], density[part], DENSITY_STEP)
@@ -205,9 +204,9 @@ def _windows_of(log: Log, calibration: Calibration, seconds: float) -> list[_Win
 def _missed(
     windows: Sequence[_Window], calibrations: Sequence[Calibration]
 ) -> list[tuple[list[Array], list[Array]]]:
-    """Depth rates [m/s] and pitches [rad] by each calibration, model less log, of each window.
+    """Residuals of depth rate [m/s] and pitch [rad] of each window, for each calibration.
 
-    All of them fly in one batch.
+    All windows and calibrations fly in one batch.
     """
     flights = Fleet([_scenario(w, c) for c in calibrations for w in windows], threads=1).run()
     found = []
@@ -227,7 +226,7 @@ def _missed(
 
 
 def _weighted(missed: tuple[list[Array], list[Array]], scales: tuple[float, float]) -> Array:
-    """Depth rates and pitches of all windows, in independent deviations, flat."""
+    """Residuals of depth rate and pitch of all windows over their scales, in one array."""
     (rates, pitches), (of_rates, of_pitches) = missed, scales
     return np.concatenate([*(r / of_rates for r in rates), *(p / of_pitches for p in pitches)])
 
@@ -281,9 +280,9 @@ def _scenario(window: _Window, calibration: Calibration) -> Scenario:
 
 
 def _scale(series: list[Array], period: float, least: float) -> float:
-    """Deviation to divide residuals by so that they count as independent ones.
+    """Standard deviation by which correlated residuals count as independent ones.
 
-    `least` is an error that a whole window shares, such as a sensor's bias.
+    `least` is that of an error that a whole window shares, such as a sensor's bias.
     """
     scale = robust_scale(np.concatenate(series))
     samples = correlation_samples(series, round(WINDOWS_S[0] / period))

@@ -1,6 +1,6 @@
-"""Speed: the velocity through the water that a calibrated vehicle had in a log.
+"""Speed: velocity through the water of a calibrated vehicle in a log.
 
-In steady flight the forces are in balance at every sample.
+The model "flight" integrates the equation of motion; in "steady" forces balance at every sample.
 """
 
 from __future__ import annotations
@@ -26,65 +26,65 @@ FlightModel = Literal["flight", "steady"]
 MODELS: tuple[FlightModel, ...] = ("flight", "steady")
 
 LEAST_IMMERSION = 0.3
-"""Part of the hull that the water acts on at the surface: half of it, less what waves uncover."""
+"""[1] Wetted fraction of the hull at the surface: half of it, less the part that waves uncover"""
 START_PITCH = np.deg2rad(5.0)
-"""[rad] of pitch from which depth rate and pitch tell the speed at the first sample"""
+"""[rad] Least pitch at which depth rate and pitch give the speed at the first sample"""
 FASTEST_START = 1.0
-"""[m/s] of that speed"""
+"""[m/s] Largest speed at the first sample"""
 STEADY_WINDOW = 10.0
-"""[s] average of the attitude in the steady model."""
+"""[s] Window of the mean attitude in the steady model"""
 STEADY_MARGIN = 45.0
-"""[s] before and after the pump or the pitch changes that no flight is steady."""
+"""[s] Time before and after a change of pump or pitch that is no steady flight"""
 STEADY_PUMP, STEADY_PITCH = 40.0, np.deg2rad(8.0)
-"""[cm3], [rad] of change within the margin that ends a steady flight."""
+"""[cm3], [rad] Change within the margin that ends a steady flight"""
 STEADY_LEAST_PITCH = np.deg2rad(10.0)
-"""[rad] flatter than this no buoyancy glider glides."""
+"""[rad] Least pitch of a steady glide: no buoyancy glider glides flatter."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SpeedEstimate:
-    """Velocities of one mission, (time,)."""
+    """Velocities of one dive, (time,)."""
 
     index: int
-    """Row in the store."""
+    """Row in the store"""
     period: float
-    """[s]"""
+    """[s] Time between samples"""
     motion: Translation
-    """Surge, sway and heave through the water [m/s]."""
+    """[m/s] Surge, sway and heave through the water"""
     sink_rate: Array
-    """[m/s] downward through the water, which the vehicle's depth rate would be in still water."""
+    """[m/s] Downward velocity through the water: the vehicle's depth rate in still water"""
     water_rise: Array
-    """[m/s] filtered depth rate less the model's: downward motion of the water plus model error."""
+    """[m/s] Filtered depth rate less the model's: downward motion of the water plus model error"""
     velocity_north: Array
-    """[m/s] through the water"""
+    """[m/s] Northward velocity through the water"""
     velocity_east: Array
-    """[m/s] through the water"""
+    """[m/s] Eastward velocity through the water"""
     use: Mask
-    """Under water and measured."""
+    """True where the vehicle is under water and the sample was measured"""
 
     @property
     def speed(self) -> Array:
-        """[m/s] through the water."""
+        """[m/s] Speed through the water."""
         return self.motion.speed
 
     @property
     def angle_of_attack(self) -> Array:
-        """[rad]"""
+        """[rad] Angle of attack."""
         return self.motion.angle_of_attack
 
     def track(self) -> Array:
-        """North, east [m] through the water since the first sample, (time, 2)."""
+        """Displacement north and east [m] through the water since the first sample, (time, 2)."""
         return way_of(np.stack([self.velocity_north, self.velocity_east], axis=1), self.period)
 
 
 def way_of(velocity: Array, period: float) -> Array:
-    """Displacement [m] since the first sample of velocities [m/s] every `period` [s], (time, 2)."""
+    """Displacement [m] since the first sample, by velocities [m/s] every `period` [s]."""
     steps = 0.5 * period * (velocity[1:] + velocity[:-1])
     return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
 
 
 def density_of(log: Log, calibration: Calibration) -> Array:
-    """In-situ density [kg/m3], (time,): as measured, or the calibration's without a CTD."""
+    """In-situ density [kg/m3], (time,): the measured one, or the calibration's without a CTD."""
     return calibration.sea_density(log.depth) if log.density is None else log.density
 
 
@@ -95,11 +95,11 @@ def motion_of(
     *,
     start: Velocity | None = None,
 ) -> Translation:
-    """Velocity through the water, body FRD, that the model gives for a log.
+    """Velocity through the water, body FRD, of the model on a log.
 
     Args:
-      start: velocity [m/s] at the first sample, which the steady model does not know; by default
-        that of `start_of`.
+      start: velocity [m/s] at the first sample, by default that of `start_of`; the steady model
+        needs none.
 
     Raises:
       InputError: an unknown model, or a speed beyond every bound.
@@ -114,7 +114,7 @@ def motion_of(
 def motions_of(
     logs: Sequence[Log], calibrations: Sequence[Calibration], model: FlightModel = "flight"
 ) -> list[list[Translation]]:
-    """`motion_of` every log by every calibration, side by side: of each calibration, of each log.
+    """Motions of every log by every calibration, [calibration][log], computed side by side.
 
     Raises:
       InputError: as `motion_of`.
@@ -136,7 +136,7 @@ def net_mass_of(log: Log, calibration: Calibration) -> Array:
 
 
 def _steady_motion(log: Log, calibration: Calibration) -> Translation:
-    """Forces in balance at each sample."""
+    """Velocity at which the forces balance at each sample."""
     pitch = calibration.true_pitch(log.pitch)
     half = max(round(STEADY_WINDOW / log.period), 1)
     roll, pitch = (uniform_filter1d(a, half) for a in (log.roll, pitch))
@@ -152,12 +152,12 @@ def _steady_motion(log: Log, calibration: Calibration) -> Translation:
 
 
 def _flight(log: Log, calibration: Calibration, start: Velocity | None = None) -> AttitudeFlight:
-    """Inputs of the flight model, from a log."""
+    """Inputs of the flight model from a log."""
     vehicle = calibration.vehicle
     pitch = calibration.true_pitch(log.pitch)
     x = np.clip((log.depth + 0.5 * vehicle.hull_diameter) / vehicle.hull_diameter, 0.0, 1.0)
     immersion = np.maximum(x * x * (3.0 - 2.0 * x), LEAST_IMMERSION)
-    # nose down, as a Seaglider waits at the surface, the tail is out of the water for longer
+    # nose down at the surface, as a Seaglider waits, the tail stays out of the water for longer
     tail = vehicle.hull_length * np.maximum(-np.sin(pitch), 0.0)
     return AttitudeFlight(
         vehicle=vehicle,
@@ -172,9 +172,9 @@ def _flight(log: Log, calibration: Calibration, start: Velocity | None = None) -
 
 
 def start_of(log: Log, calibration: Calibration) -> Velocity:
-    """Surge, sway, heave [m/s] of a log that begins under water: along the nose at the depth rate.
+    """Surge, sway and heave [m/s] at the first sample: along the nose, at the log's depth rate.
 
-    At rest at the surface, and where the nose is too flat to tell.
+    Zero at the surface, and at pitches below START_PITCH.
     """
     pitch = float(calibration.true_pitch(log.pitch)[0])
     speed = 0.0
@@ -184,7 +184,7 @@ def start_of(log: Log, calibration: Calibration) -> Velocity:
 
 
 def steady_parts(log: Log) -> Mask:
-    """Where the vehicle glides steadily: pump and pitch at rest all around, the nose not flat."""
+    """Mask of steady glides: pump and pitch at rest within the margin, the nose not flat."""
     width = 2 * max(round(STEADY_MARGIN / log.period), 1) + 1
     still = np.ones(len(log.depth), bool)
     for values, most in ((log.pump, STEADY_PUMP), (log.pitch, STEADY_PITCH)):
@@ -194,7 +194,7 @@ def steady_parts(log: Log) -> Mask:
 
 
 def horizontal(log: Log, calibration: Calibration, motion: Translation) -> tuple[Array, Array]:
-    """North and east velocity through the water [m/s], (time,) each; zero afloat."""
+    """North and east velocity through the water [m/s], (time,) each; zero at the surface."""
     forward, starboard = motion.level(log.roll, calibration.true_pitch(log.pitch))
     heading = calibration.true_heading(log.heading)
     under = log.depth > AFLOAT
@@ -204,7 +204,7 @@ def horizontal(log: Log, calibration: Calibration, motion: Translation) -> tuple
 
 
 def estimate(log: Log, calibration: Calibration, model: FlightModel = "flight") -> SpeedEstimate:
-    """Velocities of one mission from its depth, attitude, pump and density."""
+    """Velocities of one dive from its depth, attitude, pump and density."""
     motion = motion_of(log, calibration, model)
     sink = motion.sink_rate(log.roll, calibration.true_pitch(log.pitch))
     north, east = horizontal(log, calibration, motion)
@@ -227,16 +227,16 @@ def estimate_speed(
     *,
     model: FlightModel = "flight",
 ) -> SpeedEstimate:
-    """Velocities of one mission of a store.
+    """Velocities of one dive of a store.
 
     Args:
       store: path of a zarr store of logs.
-      row: mission in it.
-      vehicle: what `twin identify` wrote, a shipped vehicle's name, or a calibration.
+      row: number of the dive in it.
+      vehicle: file that `twin identify` wrote, a shipped vehicle's name, or a calibration.
       model: "flight", with the vehicle's inertia, or "steady", forces in balance.
 
     Raises:
-      StoreError: no such store, mission or channel, or no dive in it.
+      StoreError: no such store, row or channel, or no dive in it.
       VehicleError: no such vehicle.
     """
     calibration = vehicle if isinstance(vehicle, Calibration) else load_calibration(vehicle)
@@ -244,12 +244,12 @@ def estimate_speed(
 
 
 ITERATIONS = 30
-"""of the fixed point, whose error shrinks by 2 K_D alpha / (K_alpha tan(path angle)) each, below
-0.3 for paths steeper than 15 deg."""
+"""Iterations of the fixed point. Each multiplies the error by 2 K_D alpha / (K_alpha tan(glide
+angle)), which is below 0.3 for glides steeper than 15 deg."""
 
 
 def net_mass(vehicle: Vehicle, pump: Array, depth: Array) -> Array:
-    """Net buoyancy mass [kg], + = heavy, that the nominal vehicle has; pump in cm3, depth in m."""
+    """Net buoyancy mass [kg], + = heavy, at the reference density; pump [cm3], depth [m]."""
     pressure = vehicle.reference_density * vehicle.gravity * depth
     volume = (vehicle.neutral_volume + CUBIC_CM * pump) * (
         1.0 - vehicle.hull_compressibility * pressure
@@ -260,7 +260,7 @@ def net_mass(vehicle: Vehicle, pump: Array, depth: Array) -> Array:
 def balance(
     vehicle: Vehicle, net: Array, roll: Array, pitch: Array, rates: Array
 ) -> tuple[Array, Array, Array, Mask]:
-    """The steady motion at each sample.
+    """Steady motion at each sample.
 
     Args:
       net: net buoyancy mass [kg], (time,).
@@ -268,8 +268,8 @@ def balance(
       rates: roll, pitch and yaw rate [rad/s], body FRD, (3, time).
 
     Returns:
-      Speed [m/s], angle of attack and sideslip [rad], and where there is such a motion (bool):
-      elsewhere the weight does not pull along the hull, as at an inflection. Each (time,).
+      Speed [m/s], angle of attack and sideslip [rad], and True where a steady motion exists. At an
+      inflection none does, as the weight does not pull along the hull. Each (time,).
     """
     law = vehicle.flow_frame
     inertia = vehicle.mass * np.eye(3) + vehicle.added_mass[:3, :3]
@@ -283,7 +283,7 @@ def balance(
 
 @jit
 def _balance(pull, roll, pitch, rates, inertia, law, found):  # type: ignore[no-untyped-def]
-    """Fixed point of each sample, into `found`; `pull` [N] is gravity's on the net mass."""
+    """Write the fixed point of each sample into `found`; `pull` [N] is the weight in water."""
     for k in range(len(pitch)):
         down_x = -math.sin(pitch[k])
         down_y = math.cos(pitch[k]) * math.sin(roll[k])
@@ -310,7 +310,7 @@ def balanced_forces(inertia, law, weight, turning, v, a, b):  # type: ignore[no-
       weight, turning: forces [N] and rates [rad/s], body FRD.
 
     Returns:
-      the force [N] along the path, without which there is no balance, and the three.
+      the force [N] along the path, positive where there is a balance, and the next three.
     """
     c_a, s_a, c_b, s_b = math.cos(a), math.sin(a), math.cos(b), math.sin(b)
     surge, sway, heave = v * c_a * c_b, v * s_b, v * s_a * c_b

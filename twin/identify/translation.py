@@ -1,20 +1,20 @@
-"""Translation: the velocity of a glider whose attitude is known, from its buoyancy and its drag.
+"""Translation: velocity of a glider whose attitude is known, from its buoyancy and its drag.
 
-A log says how the glider was turned at every moment; what it does not say is how fast it moved.
-With the attitude as input only three equations of the twin remain (Fossen 2011, eq. 6.114):
+A log has the glider's attitude at every moment, and not its velocity. With the attitude as input
+three equations of the twin remain (Fossen 2011, eq. 6.114):
 
     (m I + A) dv/dt = -omega x (m I + A) v + F(v) + net mass * g * down,
 
 with v the velocity through the water in body axes, A the translational block of the added mass
-and F the force law of docs/physics/equations.md. The steady flight model is what is left when
-dv/dt = 0; at an inflection, where the pump passes neutral and nothing is steady, the momentum
-carries the glider on for tens of seconds, which is why the speed there needs the equation above.
+and F the force law of docs/physics/equations.md. With dv/dt = 0 this is the steady flight model. At
+an inflection, where the pump passes neutral, nothing is steady: the momentum carries the glider on
+for tens of seconds, and the speed there needs the equation above.
 
-Surge never falls below zero: a plate at a given attitude can glide backwards in these equations,
-which a vehicle's fins would turn round at once.
+Surge is kept at zero or above: in these equations a plate at a given attitude can glide backwards,
+while the fins of a vehicle would turn it round at once.
 
-Not in it: the moments (the attitude is measured), the distance of the centre of gravity from the
-centre of buoyancy, the coupling of added mass between translation and rotation.
+The equations leave out the moments (the attitude is measured), the distance of the centre of
+gravity from the centre of buoyancy, and the added mass that couples translation and rotation.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ Velocity = tuple[float, float, float]
 """Surge, sway and heave [m/s]"""
 
 ABREAST = 8
-"""Flights of one loop: their steps fill the vector registers, and a step waits for none before"""
+"""Flights that one loop integrates side by side: their steps fill the vector registers."""
 LONGEST_STEP = 1.0
-"""[s] of one Runge-Kutta step."""
+"""[s] Longest Runge-Kutta step"""
 LONGEST_DECAY = 0.7
-"""Of one step, in times in which heave settles, the fastest motion: a quarter of where RK4 turns
-unstable (2.8). A light vehicle with much lift needs shorter steps than `LONGEST_STEP`."""
+"""Longest step over the time in which heave, the fastest motion, settles: a quarter of RK4's limit
+of stability (2.8). A light vehicle with much lift needs shorter steps than `LONGEST_STEP`."""
 MOST_STEPS = 1000
-"""Between samples: what needs more has flown off."""
+"""Largest number of steps between samples: a motion that needs more has diverged."""
 FASTEST = 5.0
-"""[m/s] ten times what a buoyancy glider makes: beyond it the integration has failed."""
+"""[m/s] Ten times a buoyancy glider's speed: beyond it the integration has failed."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -55,20 +55,20 @@ class Translation:
     """Velocity through the water, body FRD, each (time,)."""
 
     surge: Array
-    """[m/s]"""
+    """[m/s] Forward"""
     sway: Array
-    """[m/s]"""
+    """[m/s] To starboard"""
     heave: Array
-    """[m/s]"""
+    """[m/s] Downward"""
 
     @property
     def speed(self) -> Array:
-        """[m/s]"""
+        """[m/s] Speed through the water."""
         return np.sqrt(self.surge**2 + self.sway**2 + self.heave**2)
 
     @property
     def angle_of_attack(self) -> Array:
-        """[rad], atan2(heave, surge)."""
+        """[rad] Angle of attack, atan2(heave, surge)."""
         return np.arctan2(self.heave, self.surge)
 
     def level(self, roll: Array, pitch: Array) -> tuple[Array, Array]:
@@ -88,35 +88,35 @@ class Translation:
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class AttitudeFlight:
-    """A vehicle, and the attitude and the weight that it flew with."""
+    """A vehicle with its attitude and its weight in water over time."""
 
     vehicle: Vehicle
     period: float
-    """[s] between samples"""
+    """[s] Time between samples"""
     net_mass: Array
-    """Mass less that of the displaced water, as far as immersed [kg], (time,)"""
+    """[kg] Mass less that of the displaced water, (time,); the immersed part displaces"""
     immersion: Array
-    """Part of the hull that the water acts on, 0 to 1, (time,)"""
+    """[1] Wetted fraction of the hull, 0 to 1, (time,)"""
     roll: Array
-    """[rad], (time,)"""
+    """[rad] Roll, (time,)"""
     pitch: Array
-    """[rad], (time,)"""
+    """[rad] Pitch, (time,)"""
     rates: Array
-    """Roll, pitch and yaw rate, body FRD [rad/s], (3, time)"""
+    """[rad/s] Roll, pitch and yaw rate, body FRD, (3, time)"""
     start: Velocity = (0.0, 0.0, 0.0)
-    """At the first sample; at rest by default"""
+    """[m/s] Velocity at the first sample; at rest by default"""
 
     def __len__(self) -> int:
         return len(self.pitch)
 
 
 def fly(flights: Sequence[AttitudeFlight]) -> list[Translation]:
-    """Velocity through the water of vehicles with these attitudes.
+    """Velocity through the water of each flight.
 
-    Each has the same bits, whatever flies beside it.
+    A flight has the same bits whatever flies beside it.
 
     Raises:
-      InputError: a speed leaves every bound: the parameters or the inputs are wrong.
+      InputError: a speed is above FASTEST, as with wrong parameters or inputs.
     """
     order = sorted(range(len(flights)), key=lambda k: len(flights[k]))
     blocks = [order[k : k + ABREAST] for k in range(0, len(order), ABREAST)]
@@ -158,22 +158,22 @@ def _flown(flights: Sequence[AttitudeFlight]) -> list[Array]:
     return [found[: len(one), :, lane] for lane, one in enumerate(flights)]
 
 
-# --- compiled: rows of a block, each of ABREAST numbers, which loops over the lanes read ---------
+# --- compiled: a block has rows of ABREAST numbers, one for each flight of the batch -------------
 
 NINE = 9
 INPUTS = 7
-"""Weight [N], immersion, roll, pitch [rad], roll, pitch and yaw rate [rad/s]"""
+"""Number of inputs: weight [N], immersion, roll, pitch [rad], roll, pitch and yaw rate [rad/s]"""
 BEFORE, AFTER, MASS, INVERSE, LAW = 0, NINE, 2 * NINE, 3 * NINE, 4 * NINE
 STATE = LAW + 3 * NINE
 PERIOD, STEP, STEPS, SETTLING = range(STATE + 3, STATE + 7)
-"""Between samples [s], of one step [s], number of these, and the rate at which the force of an
-angle of attack or sideslip dies out, over speed [1/m]"""
+"""Rows of the time between samples [s], the step [s], the number of steps, and the decay rate of
+the force of an angle of attack or sideslip, over speed [1/m]"""
 ROWS = SETTLING + 1
 
 
 @scalar
 def _nine(block: Any, row: int, lane: int) -> Any:
-    """Nine rows of a lane."""
+    """Numbers of nine rows of one flight."""
     k = row * ABREAST + lane
     return (
         block[k],
@@ -190,7 +190,7 @@ def _nine(block: Any, row: int, lane: int) -> Any:
 
 @scalar
 def _acceleration(mass, inverse, law, before, after, part, u, v, w):  # type: ignore[no-untyped-def]
-    """d(u, v, w)/dt [m/s2], with the inputs at `part` of the way from one sample to the next."""
+    """d(u, v, w)/dt [m/s2], inputs interpolated at the fraction `part` between two samples."""
     weight = before[0] + part * (after[0] - before[0])
     immersion = before[1] + part * (after[1] - before[1])
     sin_roll, cos_roll = sincos(before[2] + part * (after[2] - before[2]))
@@ -199,7 +199,7 @@ def _acceleration(mass, inverse, law, before, after, part, u, v, w):  # type: ig
     q = before[5] + part * (after[5] - before[5])
     r = before[6] + part * (after[6] - before[6])
     fx, fy, fz, _, _, _ = fossen_wrench(law, 0.0, u, v, w, 0.0, 0.0, 0.0)
-    # momentum, whose turning with the body is a force
+    # the momentum turns with the body, which acts as a force
     hu = mass[0] * u + mass[1] * v + mass[2] * w
     hv = mass[3] * u + mass[4] * v + mass[5] * w
     hw = mass[6] * u + mass[7] * v + mass[8] * w
@@ -216,7 +216,7 @@ def _acceleration(mass, inverse, law, before, after, part, u, v, w):  # type: ig
 
 @jit(nogil=True)
 def _step(block, number):  # type: ignore[no-untyped-def]
-    """Classical RK4, step `number` of those between two samples; lanes with fewer rest."""
+    """Advance by step `number` between two samples, by RK4; flights with fewer steps stay."""
     for lane in range(ABREAST):
         before, after = _nine(block, BEFORE, lane), _nine(block, AFTER, lane)
         mass, inverse = _nine(block, MASS, lane), _nine(block, INVERSE, lane)
@@ -249,7 +249,7 @@ def _step(block, number):  # type: ignore[no-untyped-def]
 
 @jit(nogil=True)
 def _integrate(block, inputs):  # type: ignore[no-untyped-def]
-    """Velocities (time, 3, lane) from the block's, with the inputs linear between samples."""
+    """Velocities (time, 3, flight) from the block's start, inputs linear between samples."""
     samples = inputs.shape[0]
     out = np.zeros((samples, 3, ABREAST))
     for lane in range(ABREAST):

@@ -1,12 +1,11 @@
-"""Turning: what turns and rolls a glider, fitted to the turns of a log.
+"""Turning fit: coefficients of a glider's turn and roll, fitted to the turns of a log.
 
-Every steady part of a log is flown again by the lateral motion about its own glide
-(`twin.identify.linear_motion`): the yaw rate that its roll and its rudder should have given beside
-the one it had, and the roll that the battery's rotation should have given beside the measured one.
-Dives and climbs each have their own glides, so that what changes sign with the lift parts from
-what does not. Which of the coefficients make up a turn is less known than the turn: they start at
-the vehicle file's, in proportion to its hull, and what the log does not tell stays there. The
-fitted coefficients are numbers of the vehicle's own size.
+The linear lateral motion about its own glide flies every steady part of a log again
+(`twin.identify.linear_motion`). Residuals are those of the yaw rate, by the measured roll and
+rudder, and of the roll, by the battery's rotation. Dives and climbs have glides of their own, so
+that coefficients that change sign with the lift separate from the others. Single coefficients are
+less well determined than the turn. They start at the vehicle file's, scaled by its hull, and stay
+there where the log does not determine them.
 """
 
 from __future__ import annotations
@@ -38,40 +37,40 @@ from twin.identify.turning_windows import (
 from twin.identify.unknowns import UnknownParameter, of_law
 
 LEAST_WINDOWS = 3
-"""of a phase: with fewer its turns are not known"""
+"""Fewest windows of a phase for a fit of its turns"""
 FARTHEST = 4.0
-"""Spreads from the vehicle file's that a positive coefficient may go: where a turn says only a
-ratio of two, damping would grow until no time step holds it."""
+"""Largest distance in spreads of a positive coefficient from the vehicle file's. Where turns give
+only a ratio of two, damping would otherwise grow until no time step is short enough."""
 SURE = 2.0
-"""Deviations by which a fit without it must be worse for a hull to turn by a yaw moment of its
-own"""
+"""Standard deviations by which the fit without a yaw moment of the hull must be worse for the hull
+to get one"""
 ROUNDS = 2
-"""Fits of a battery's turns, the later ones from where it was found to hang straight"""
+"""Fits of a battery's turns; later ones start from the neutral position of the one before"""
 STEERABLE = 0.8
-"""Of its travel within which the neutral position stays, so that the part steers both ways"""
+"""Fraction of its travel in which the neutral position lies, so that the part steers both ways"""
 PASSES, MOST_LOOKS = 3, 15
-"""Fits between which weights are taken again, and looks of each at the residuals"""
+"""Number of fits, after each of which weights are set again; evaluations in each fit"""
 LEAST_TURN, LEAST_ROLL = math.radians(0.01), math.radians(0.3)
-"""[rad/s], [rad] that yaw rate and roll are off at least: compasses and the log's rounding."""
+"""[rad/s], [rad] Lower bounds of the standard deviations of yaw rate and roll, by rounding"""
 START_YAW, START_DAMPING = (-2.0, -1.0, 0.0, 1.0), (0.0, 1.0)
-"""Spreads of yaw moment and damping from the vehicle file's at which the search looks."""
+"""Offsets in spreads of yaw moment and damping at which the search starts"""
 LONGEST_CORRELATION = 300.0
-"""[s]"""
+"""[s] Longest lag over which autocorrelation is summed"""
 
 
 def own_sideslip(calibration: Calibration) -> float:
-    """[rad] whose Munk moment is the yaw moment that the hull has without sideslip."""
+    """Yaw moment of the hull without sideslip, as the sideslip [rad] of an equal Munk moment."""
     return float(calibration.vehicle.flow_frame.yaw_moment_offset[0]) / munk_moment(calibration)
 
 
 def _side_scale(calibration: Calibration) -> float:
-    """[kg/rad] roll moment of a side force half a diameter off the axis."""
+    """Roll moment [kg/rad] of the side force half a diameter off the axis."""
     vehicle = calibration.vehicle
     return abs(vehicle.flow_frame.side_force[0]) * 0.5 * vehicle.hull_diameter
 
 
 def _with_authority(calibration: Calibration, value: float) -> Calibration:
-    """The battery hung lower or higher, the righting arm of the whole kept."""
+    """Set the battery's eccentricity by its authority; the righting arm of the whole is kept."""
     arm, vehicle = righting_arm(calibration), calibration.vehicle
     eccentricity = value * vehicle.mass * arm / vehicle.battery.mass
     return with_righting_arm(calibration.with_vehicle(battery={"eccentricity": eccentricity}), arm)
@@ -127,24 +126,24 @@ TURNING = (
         logarithmic=True, channel="fin"),
 )
 # fmt: on
-"""Parameters that a twin needs to turn as the log does."""
+"""Parameters of a twin that turns as the log"""
 
 BIASES = ("yaw_bias", "roll_offset")
-"""Fitted beside them: the asymmetry that turns a vehicle at no roll and no rudder (as the sideslip
-[rad] of the same yaw moment on the bare hull) beyond the hull's own, and the roll sensor's zero.
-What flies is the neutral position of the turning part that balances them. A rolled battery balances
-a yaw moment one way in dives and the other way in climbs: there it is the hull's own, a
-parameter."""
+"""[rad] Biases that are fitted with TURNING: the asymmetry that turns a vehicle at no roll and no
+rudder, beyond the hull's own, as the sideslip of an equal yaw moment on the bare hull; and the roll
+sensor's zero. The vehicle is flown with the neutral position of the turning part that balances
+them. A rolled battery balances a yaw moment one way in dives and the other way in climbs. There the
+hull has a yaw moment of its own, which is a parameter."""
 BIAS_SPREADS = (math.radians(3.0), math.radians(5.0))
 
 
 def biases_beside(names: Collection[str]) -> tuple[str, ...]:
-    """Members of BIASES that are fitted beside parameters of these names."""
+    """Members of BIASES that are fitted with parameters of these names."""
     return BIASES[1:] if "yaw_moment_offset" in names else BIASES
 
 
 class Turns(Comparison):
-    """Channels "yaw_rate" [rad/s] and, of a battery that turns, "roll" [rad], of every window."""
+    """Channels "yaw_rate" [rad/s] and, with a battery that turns, "roll" [rad] of every window."""
 
     step = 1e-3
 
@@ -169,16 +168,16 @@ class Turns(Comparison):
         super().__init__(nominal, parameters, channels, dives)
 
     def _rolls(self, group: Group) -> bool:
-        """Whether a battery rolls the group's windows at known positions."""
+        """True where a battery at known positions rolls the group's windows."""
         return group.position is not None and self.channel == "rotation"
 
     def asymmetry(self, x: Array) -> tuple[float, float]:
-        """Yaw moment as a sideslip, the hull's own and what it lacks, and roll offset [rad]."""
+        """Whole yaw moment as a sideslip, the hull's own plus its bias, and roll offset [rad]."""
         yaw, roll = self.beside_hull(x)
         return own_sideslip(self.calibration(x)) + yaw, roll
 
     def beside_hull(self, x: Array) -> tuple[float, float]:
-        """Of the asymmetry what the hull's own yaw moment lacks, roll offset [rad]."""
+        """Bias of the yaw moment beyond the hull's own, as a sideslip, and roll offset [rad]."""
         count = len(self.biases)
         biases = x[len(x) - count :] * np.array(BIAS_SPREADS[-count:])
         return (float(biases[0]) if count == len(BIASES) else 0.0), float(biases[-1])
@@ -186,11 +185,11 @@ class Turns(Comparison):
     def neutral(
         self, x: Array, *, with_hull: bool = False
     ) -> tuple[float, dict[bool, float]] | None:
-        """Position [rad] of the turning part at which the log's vehicle went straight, counted as
-        the groups count: mean over them, each as long as it is, and of dives (False) and climbs
-        (True) apart; None without positions.
+        """Position [rad] of the turning part at which the log's vehicle went straight, from the
+        zero of the groups: mean over the groups, weighted by their durations, and means of dives
+        (False) and climbs (True). None without positions.
 
-        It leaves out the hull's own yaw moment, which guidance knows, but `with_hull`.
+        The hull's own yaw moment counts only `with_hull`, as guidance knows it.
         """
         calibration = self.calibration(x)
         bias, offset = self.asymmetry(x) if with_hull else self.beside_hull(x)
@@ -208,7 +207,7 @@ class Turns(Comparison):
                 given = rolls(group, lateral, felt(calibration, group.position))
                 roll = float(np.median(rolled - given[: len(compared)][compared]))
                 rolled_by_part = lateral.gains()[1]
-            # the yaw rate, linear in the position, is 0 there
+            # position at which the yaw rate, linear in it, is 0
             turned = by_roll * math.sin(roll - offset) + by_yaw * yaw
             found.append(-turned / (by_part + by_roll * rolled_by_part))
             weights.append(float(group.used.sum()))
@@ -220,9 +219,9 @@ class Turns(Comparison):
         return float(np.average(at, weights=share)), phases
 
     def worse_without(self, x: Array, k: int, bounds: tuple[Array, Array]) -> float:
-        """Deviations by which the fit `x` gets worse with its unknown `k` at the vehicle file's and
-        the others fitted anew: root of the likelihood ratio (Wilks 1938), which does not mind that
-        the unknowns share what they say."""
+        """Standard deviations by which the fit `x` gets worse with unknown `k` at the vehicle
+        file's value and the others fitted again: root of the likelihood ratio (Wilks 1938), which
+        correlations of the unknowns do not affect."""
         free = np.delete(np.arange(len(x)), k)
 
         def residual(y: Array) -> Array:
@@ -235,7 +234,7 @@ class Turns(Comparison):
         return math.sqrt(max(2.0 * float(found.cost) - float(np.sum(self.residual(x) ** 2)), 0.0))
 
     def missed(self, x: Array) -> dict[str, list[Array]]:
-        """Model less log, averages of each window."""
+        """Model less log, see the base; averages of each window."""
         calibration = self.calibration(x)
         bias, offset = self.asymmetry(x)
         found: dict[str, list[Array]] = {"yaw_rate": [], "roll": []}
@@ -249,13 +248,13 @@ class Turns(Comparison):
             found["yaw_rate"] += _windows(group, averaged(rate, group.count))
             if self._rolls(group):
                 roll = averaged(rolls(group, lateral, position) - group.roll, group.count)
-                # its roll with the battery at rest is an offset of the trim, not dynamics
+                # the roll with the battery at rest is an offset of the trim, no dynamics
                 found["roll"] += _windows(group, roll - np.median(roll[group.used]))
         return found
 
     def best_start(self) -> Array:
-        """Offsets to begin from: of several yaw moments and dampings, with the asymmetry that
-        suits each, those that fit best. Turns to the wrong side are a valley of their own."""
+        """Offsets of the best of several starts: yaw moments and dampings, each with its best
+        asymmetry. Turns to the wrong side are a local minimum of their own."""
         best, lowest = np.zeros(self.size), math.inf
         names = [p.name for p in self.parameters]
         self.reweight(best)
@@ -277,7 +276,7 @@ class Turns(Comparison):
 
 
 def _linear(calibration: Calibration, group: Group, bias: float) -> tuple[Lateral, float]:
-    """Motion about the group's glide, and the yaw moment [N m] there of a sideslip `bias` [rad]."""
+    """Motion about the group's glide, and the yaw moment [N m] of a sideslip `bias` [rad]."""
     square = group.glide.surge**2 + group.glide.heave**2
     moment = munk_moment(calibration) * bias * square
     return linearised(calibration.vehicle, group.glide), moment
@@ -292,24 +291,24 @@ class TurningFit(NamedTuple):
     """Result of a fit of a log's turns."""
 
     fitted: Fitted
-    """Its channels are those of `Turns`"""
+    """Fit with the channels of `Turns`"""
     asymmetry: tuple[float, float]
-    """Yaw moment as the sideslip of its Munk moment, roll offset [rad]"""
+    """[rad] Yaw moment as the sideslip of an equal Munk moment; roll offset"""
     groups: tuple[Group, ...]
     neutral: float | None
-    """[rad] position of the turning part that flies the asymmetry; None: not known"""
+    """[rad] Position of the turning part that balances the asymmetry; None: not known"""
     apart: float
-    """[rad] by which dives and climbs want it elsewhere; the mean is flown"""
+    """[rad] Distance between the neutral positions of dives and climbs; the mean is flown"""
     balanced: bool
-    """Whether a yaw moment of the hull's own that was fitted is sure, and its part can keep it
-    straight in dives and in climbs"""
+    """False where the hull's own yaw moment was fitted and is not sure, or the turning part cannot
+    balance it in dives and in climbs"""
 
 
 def turned(logs: Sequence[Log], calibration: Calibration) -> TurningFit | None:
-    """Fit what turns the vehicle; None where no phase has turns enough.
+    """Fit the coefficients of turns; None where a phase has too few windows.
 
-    A hull's own yaw moment is flown where dives and climbs surely want the turning part apart, and
-    it can balance them both.
+    The hull gets a yaw moment of its own where the neutral positions of dives and climbs surely
+    differ and the turning part can reach both.
     """
     windows = windows_of(logs, calibration)
     if min(sum(w.climbing == c for w in windows) for c in (False, True)) < LEAST_WINDOWS:
@@ -331,7 +330,7 @@ def _turned(
     calibration: Calibration,
     parameters: tuple[UnknownParameter, ...],
 ) -> TurningFit:
-    """These parameters fitted to the windows, with the neutral position that they leave."""
+    """Fit these parameters to the windows, and the neutral position that goes with them."""
     part, channel = turning_part(calibration.vehicle), channel_of(calibration)
     groups = groups_of(windows, channel)
     there = all(g.position is not None for g in groups)
@@ -342,7 +341,7 @@ def _turned(
     farthest = [FARTHEST if p.logarithmic else np.inf for p in parameters]
     farthest += [np.inf for _ in biases_beside({p.name for p in parameters})]
     bounds = (-np.array(farthest), np.array(farthest))
-    # a battery turns by the sine of its rotation from where it hangs straight: once more from there
+    # a battery acts by the sine of its rotation from the neutral position: fit again from there
     for _ in range(ROUNDS if channel == "rotation" and there else 1):
         turns = Turns(groups, calibration, parameters)
         x, _ = turns.fit(turns.best_start(), PASSES, bounds=bounds, max_nfev=MOST_LOOKS, xtol=1e-4)
@@ -374,5 +373,5 @@ def _turned(
 
 
 def _resting(calibration: Calibration, part: str, neutral: float) -> Calibration:
-    """With the neutral position [rad] of its turning part."""
+    """Return the calibration with this neutral position [rad] of the turning part."""
     return calibration.with_vehicle(**{part: {"neutral": neutral}})

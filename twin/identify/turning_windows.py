@@ -1,6 +1,6 @@
-"""Windows: the steady parts of a log in which its turns are compared, by phase and speed.
+"""Turning windows: steady parts of a log in which turns are compared, grouped by phase and speed.
 
-The lateral motion about a glide turns and rolls the vehicle in each of them.
+`yaw_rates` and `rolls` are those of the linear lateral motion about a group's glide.
 """
 
 from __future__ import annotations
@@ -22,35 +22,34 @@ from twin.identify.translation import Translation
 from twin.vehicle.parts import BatteryHinge, Fin
 
 LONGEST, SHORTEST = 900.0, 100.0
-"""[s] of one window: longer ones are cut, shorter ones left out."""
+"""[s] Longest and shortest window: longer steady parts are cut, shorter ones left out."""
 SETTLE = 30.0
-"""[s] at the start of a window that are not compared: the sideslip there is a guess."""
+"""[s] Time at the start of a window that is not compared: the sideslip there is a guess."""
 LEAST_DEPTH = 5.0
-"""[m]"""
+"""[m] Least depth of a window"""
 SPACINGS, LEAST_AVERAGE, MOST_AVERAGE = 2.5, 10.0, 90.0
-"""Samples of the vehicle's own, and bounds [s], whose means of yaw rate and roll are compared: when
-a move ended is known to about one of its samples."""
+"""Length of the compared means of yaw rate and roll, in original samples, with its bounds [s]: the
+end of a move is known to about one original sample."""
 BENT = 1e-6
-"""[rad] of the heading's second difference from which a sample is the vehicle's own, not one that
-was put between two of them"""
+"""[rad] Second difference of the heading above which a sample is original, not interpolated"""
 SPEED_BINS, ENOUGH_IN_BIN = 3, 6
-"""Glides of a phase, by speed, that turns are linearised about, and windows worth one."""
+"""Most groups of a phase, by speed, each with a glide of its own; fewest windows of a group"""
 MOST_ROLL = math.radians(60.0)
-"""[rad] beyond which no glide is linear"""
+"""[rad] Largest roll of a window: beyond it no glide is linear."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class TurningWindow:
-    """A steady part of a log: what was done and how it turned, each (samples,)."""
+    """A steady part of a log, dive or climb."""
 
     log: Log
     part: slice
     climbing: bool
     speed: float
-    """[m/s] through the water, median"""
+    """[m/s] Median speed through the water"""
     glide: Glide
     block: int = 0
-    """Number of the dive"""
+    """Index of the dive among the logs"""
 
 
 def _flight(log: Log, calibration: Calibration) -> tuple[Translation, Array, Array]:
@@ -104,20 +103,20 @@ class Group:
     climbing: bool
     period: float
     roll: Array
-    """[rad] as measured"""
+    """[rad] Measured roll"""
     slope: Array
-    """[rad/s] of the roll"""
+    """[rad/s] Slope of the roll"""
     position: Array | None
-    """[rad] of the turning part from its neutral position; None: the log has none"""
+    """[rad] Turning part's distance from its neutral position; None: the log has none"""
     rate: Array
-    """[rad/s] yaw rate, about the body's axis"""
+    """[rad/s] Yaw rate about the body's axis"""
     used: NDArray[np.bool_]
-    """what is compared: (averages, windows)"""
+    """True for averages that are compared, (averages, windows)"""
     count: int
-    """Samples of a mean"""
+    """Samples of an average"""
 
     def reglided(self, calibration: Calibration) -> Group:
-        """About the glides that another calibration has in its windows."""
+        """Return the group about the median glide that another calibration has in its windows."""
         flights = {w.log.index: w.log for w in self.windows}
         flown = {index: _flight(log, calibration) for index, log in flights.items()}
         glides = [_glide(*flown[w.log.index], w.part) for w in self.windows]
@@ -127,7 +126,7 @@ class Group:
 def groups_of(
     windows: Sequence[TurningWindow], channel: str | None, neutral: float = 0.0
 ) -> list[Group]:
-    """The windows by phase and speed; `neutral` position [rad] of the turning part."""
+    """Group windows by phase and speed; `neutral` is the turning part's neutral position [rad]."""
     logs = list({w.log.index: w.log for w in windows}.values())
     average = min(max(SPACINGS * spacing(logs), LEAST_AVERAGE), MOST_AVERAGE)
     count = max(round(average / logs[0].period), 1)
@@ -183,24 +182,24 @@ def _group(
 
 
 def spacing(logs: Sequence[Log]) -> float:
-    """[s] between the vehicle's own samples: a store puts others on straight lines between."""
+    """Time [s] between original samples; a store interpolates further ones between them."""
     bends, samples = 0, 0
     for log in logs:
         bent = np.abs(np.diff(log.heading, 2)) > BENT
         bends, samples = bends + int(bent.sum()), samples + len(bent)
-    # a line between two samples of the vehicle bends at the store's samples beside each
+    # an interpolated line bends at the two samples of the store next to each original one
     share = bends / max(samples, 1)
     return logs[0].period * max(2.0 / share, 1.0) if share > 0.0 else MOST_AVERAGE
 
 
 def averaged(values: Array, n: int) -> Array:
-    """Means of `n` samples, (averages, windows), of (samples, windows); a rest at the end goes."""
+    """Means of `n` samples, (averages, windows), of (samples, windows); a remainder is dropped."""
     whole = len(values) // n * n
     return values[:whole].reshape(-1, n, values.shape[1]).mean(axis=1)
 
 
 def channel_of(calibration: Calibration) -> str | None:
-    """The log's channel of the turning part: "rotation", "fin", or None."""
+    """Channel of the turning part in a log: "rotation", "fin", or None."""
     part = turning_part(calibration.vehicle)
     if isinstance(part, BatteryHinge):
         return "rotation"
@@ -210,11 +209,11 @@ def channel_of(calibration: Calibration) -> str | None:
 def yaw_rates(
     group: Group, lateral: Lateral, position: Array, yaw: float, roll_offset: float
 ) -> Array:
-    """Yaw rate [rad/s] that the group's rolls and turning part give, (samples, windows).
+    """Yaw rate [rad/s] by the group's roll and turning part, (samples, windows).
 
     Args:
-      position: of the turning part, as a linear model feels it.
-      yaw: constant yaw moment [N m]. roll_offset: the roll sensor's zero [rad].
+      position: effective position of the turning part (`felt`).
+      yaw: constant yaw moment [N m]. roll_offset: zero of the roll sensor [rad].
     """
     step, response = lateral.turned_by_roll(group.period)
     roll = np.sin(group.roll - roll_offset)
@@ -225,7 +224,7 @@ def yaw_rates(
 
 
 def rolls(group: Group, lateral: Lateral, position: Array) -> Array:
-    """Roll [rad] that the battery's positions give, (samples, windows)."""
+    """Roll [rad] by the battery's positions, (samples, windows)."""
     step, response = lateral.rolled_by_part(group.period)
     driven = 0.5 * (position[1:] + position[:-1])[..., None] * response[:, 0]
     state = np.linalg.solve(np.eye(4) - step, response[:, :1] * position[0]).T
@@ -234,9 +233,9 @@ def rolls(group: Group, lateral: Lateral, position: Array) -> Array:
 
 @jit
 def _march(step: Array, driven: Array, state: Array, which: int) -> Array:
-    """One state of x(k + 1) = step x(k) + driven(k), (samples, windows).
+    """State number `which` of x(k + 1) = step x(k) + driven(k), (samples, windows).
 
-    Number by number: numba takes seconds to compile what puts one array into another.
+    Loops over single numbers: numba takes seconds to compile assignments between arrays.
     """
     samples, windows, n = driven.shape
     out = np.empty((samples + 1, windows))
@@ -257,8 +256,8 @@ def _march(step: Array, driven: Array, state: Array, which: int) -> Array:
 
 
 def felt(calibration: Calibration, position: Array) -> Array:
-    """The position as the linear model feels it: of a hinge, the rotation whose small rolls would
-    be the tangent of the true ones, (a + b cos x) tan(roll) = -b sin x; of a rudder, itself."""
+    """Effective position of the turning part in the linear model: a rudder's own, or that of a
+    hinge whose linear roll is the tangent of its true roll, (a + b cos x) tan(roll) = -b sin x."""
     if channel_of(calibration) != "rotation":
         return position
     vehicle = calibration.vehicle

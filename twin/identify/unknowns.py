@@ -1,12 +1,12 @@
-"""Unknowns: which parameters can be estimated from a log, in which unit, and what is known before.
+"""Unknowns: parameters that a log may determine, with their units and prior knowledge.
 
-Each parameter has a nominal value (the vehicle file's) and a spread, the standard deviation of
-what such vehicles are known to differ by. Drag is the size of all coefficients: lift and induced
-drag are given as ratios to it, because a glide at one pitch shows the size only, and because the
-ratios belong to the shape of a vehicle while its drag changes with every sensor and barnacle.
+Each parameter has a nominal value, the vehicle file's, and a spread, the standard deviation between
+such vehicles. Drag is the size of all coefficients; lift and induced drag are ratios to it. A glide
+at one pitch shows the size only. The ratios belong to the shape of a vehicle, while its drag
+changes with every sensor and barnacle.
 
-`twin identify` writes into its vehicle file how surely each parameter is known, and how their
-errors go together: `draw_vehicles` samples the vehicles that this leaves possible.
+`twin identify` writes the covariance of the parameters into its vehicle file; `draw_vehicles`
+samples vehicles from it.
 """
 
 from __future__ import annotations
@@ -35,34 +35,34 @@ class UnknownParameter:
     unit: str
     meaning: str
     spread: float
-    """Standard deviation known beforehand, in `unit`; of the logarithm where `logarithmic`."""
+    """Standard deviation known beforehand, in `unit`; of the logarithm where `logarithmic`"""
     get: Callable[[Calibration], float]
     set: Callable[[Calibration, float], Calibration]
     logarithmic: bool = False
-    """Positive, known up to a factor."""
+    """True: the value is positive, and its logarithm is estimated."""
     least: float | None = None
-    """Smallest value there can be, in `unit`, of one that is not logarithmic."""
+    """Smallest possible value in `unit`, of a parameter that is not logarithmic"""
     channel: str | None = None
-    """Needs: "temperature" or "fixes" in the log, "pressure" enough to tell hulls apart,
-    the position of a part ("rotation", "fin"), "dives" that are predicted better with it when they
-    are left out, or the user's "request". Lift, induced drag and pitch offset all turn into drag
-    and trim when a log holds one pitch, and then take up what the model lacks. With a current
-    between fixes lift can be told; left-out dives tell a pitch offset. They do not tell lift and
-    induced drag: what predicts depth rates better made the speed worse where a Doppler log told it
-    (docs/howto/identify.md)."""
+    """Requirement for an estimate: "temperature" or "fixes" in the log, "pressure" enough to tell
+    hulls apart, the position of a part ("rotation", "fin"), "dives" that are predicted better with
+    it when they are left out, or the user's "request". Lift, induced drag and pitch offset turn
+    into drag and trim when a log holds one pitch, and then take up the model's errors. Currents
+    between fixes separate lift; left-out dives separate a pitch offset. They do not separate lift
+    and induced drag: where they predicted depth rates better, the speed against a Doppler log was
+    worse (docs/howto/identify.md)."""
 
     def at(self, calibration: Calibration, nominal: float, offset: float) -> Calibration:
-        """The calibration with this parameter `offset` spreads away from `nominal`."""
+        """Return the calibration with this parameter `offset` spreads away from `nominal`."""
         return self.set(calibration, self.value(nominal, offset))
 
     def value(self, nominal: float, offset: float) -> float:
-        """The value that lies `offset` spreads from `nominal`."""
+        """Value that lies `offset` spreads from `nominal`."""
         if self.logarithmic:
             return nominal * math.exp(self.spread * offset)
         return nominal + self.spread * offset
 
     def deviation(self, value: float, scaled: float) -> float:
-        """Standard deviation in `unit` at `value`, from one in spreads."""
+        """Standard deviation in `unit` at `value`; `scaled` is the one in spreads."""
         return scaled * self.spread * (value if self.logarithmic else 1.0)
 
 
@@ -70,7 +70,7 @@ def of_law(
     name: str, unit: str, meaning: str, spread: float, field: str, place: int = 0,
     scale: Callable[[Calibration], float] = lambda c: 1.0, **about: Any,
 ) -> UnknownParameter:  # fmt: skip
-    """A coefficient of a glider's hull law, `field`[place], over a scale of the vehicle's own."""
+    """Coefficient of a glider's hull law, `field`[place], over a scale of the vehicle's own."""
 
     def get(calibration: Calibration) -> float:
         return float(getattr(calibration.vehicle.flow_frame, field)[place]) / scale(calibration)
@@ -86,7 +86,7 @@ def of_law(
 def of_sensor(
     name: str, unit: str, meaning: str, spread: float, scale: float = 1.0, **about: Any
 ) -> UnknownParameter:
-    """The calibration's own figure of this name, `scale` of whose units make one of `unit`."""
+    """Number of this name in the calibration; `scale` of its own units make one of `unit`."""
     return UnknownParameter(
         name, unit, meaning, spread, lambda c: getattr(c, name) / scale,
         lambda c, x: c.replace(**{name: x * scale}), **about,
@@ -98,7 +98,7 @@ def _drag(calibration: Calibration) -> float:
 
 
 def _set_drag(calibration: Calibration, value: float) -> Calibration:
-    """All forces grow together (see the module), so that a bank's sideslip stays what it was."""
+    """Scale all forces together (see the module), so that the sideslip of a bank stays equal."""
     law = calibration.vehicle.flow_frame
     scale = value / law.drag[0]
     return calibration.with_vehicle(
@@ -109,7 +109,7 @@ def _set_drag(calibration: Calibration, value: float) -> Calibration:
 
 
 def _set_mass(calibration: Calibration, value: float) -> Calibration:
-    """The static block takes the change; inertia and added mass grow with it."""
+    """Set the mass by the static block; inertia and added mass grow in proportion."""
     vehicle = calibration.vehicle
     scale = value / vehicle.mass
     return calibration.with_vehicle(
@@ -120,7 +120,7 @@ def _set_mass(calibration: Calibration, value: float) -> Calibration:
 
 
 def _cycle(index: int, text: str) -> UnknownParameter:
-    """One part of a compass's deviation."""
+    """Coefficient of one harmonic of the compass deviation."""
 
     def put(calibration: Calibration, value: float) -> Calibration:
         cycles = list(calibration.heading_cycles)
@@ -134,7 +134,7 @@ def _cycle(index: int, text: str) -> UnknownParameter:
 
 
 _COMPASS_SPREAD = 3.0
-"""[deg] deviation of a glider's compass after its own calibration, with 10 deg not unheard of."""
+"""[deg] Standard deviation of a glider's compass after its calibration; 10 deg has been seen."""
 
 # fmt: off
 PARAMETERS: tuple[UnknownParameter, ...] = (
@@ -194,7 +194,7 @@ def choose(
     names: Mapping[str, object] | Sequence[str],
     among: tuple[UnknownParameter, ...] = PARAMETERS,
 ) -> tuple[UnknownParameter, ...]:
-    """The parameters of these names, in the order of `among`.
+    """Parameters of these names, in the order of `among`.
 
     Raises:
       InputError: an unknown name, with the nearest.
@@ -210,10 +210,10 @@ def with_known(
     known: Mapping[str, float],
     among: tuple[UnknownParameter, ...] = PARAMETERS,
 ) -> Calibration:
-    """The calibration with these values, in the parameters' units.
+    """Return the calibration with these values, in the parameters' units.
 
     Raises:
-      InputError: an unknown name, or a value that there cannot be.
+      InputError: an unknown name, or an impossible value.
     """
     for parameter in choose(known, among):
         value = known[parameter.name]
@@ -228,12 +228,12 @@ def with_known(
 
 
 SPEED = ("drag", "lift_ratio", "induced_ratio")
-"""Parameters that decide the speed: where logs tell the speed, their filter's scale stands for
-them"""
+"""Parameters that decide the speed. Where a filter of logs estimates a scale of the speed, that
+scale replaces them."""
 
 
 def identified(vehicle: Vehicle) -> Mapping[str, Any]:
-    """Record of its identification in a vehicle's file; empty where it has none."""
+    """Record of the identification in a vehicle's file; empty where the file has none."""
     for text in ElementTree.fromstring(vehicle.xml).iter("text"):
         if text.get("name") == PROVENANCE:
             try:
@@ -247,9 +247,9 @@ def identified(vehicle: Vehicle) -> Mapping[str, Any]:
 
 
 def known_compass(vehicle: Vehicle) -> tuple[float, float | None]:
-    """True heading less the compass's [rad] as an identification found it, and its deviation [rad].
+    """Identified offset of the compass, true heading less measured, and standard deviation [rad].
 
-    (0, None) where it did not. Deviations that turn with the heading are left out.
+    (0, None) without an identified offset. Deviations that vary with the heading are left out.
     """
     entry = identified(vehicle).get("parameters", {}).get("heading_offset", {})
     if not (entry.get("determined") and entry.get("deviation")):
@@ -260,15 +260,15 @@ def known_compass(vehicle: Vehicle) -> tuple[float, float | None]:
 def draw_vehicles(
     vehicle: Vehicle, count: int, rng: np.random.Generator, *, speed: bool
 ) -> tuple[list[Vehicle], tuple[str, ...]]:
-    """Possible vehicles, the first of them as its file says, and the parameters that were drawn.
+    """Sample vehicles by the covariance in a vehicle's file; return the sampled names beside them.
 
-    Drawn is what changes how the vehicle flies, and not only how its sensors read.
+    The first vehicle is the file's. Parameters of sensors are not sampled: they change no flight.
 
     Args:
-      speed: whether to draw what decides the speed, too.
+      speed: True: sample the parameters of SPEED too.
 
     Raises:
-      VehicleError: what the file says of its identification cannot be read.
+      VehicleError: the file's record of its identification cannot be read.
     """
     said = identified(vehicle).get("parameters", {})
     known = {p.name: p for p in PARAMETERS}
@@ -296,7 +296,7 @@ def draw_vehicles(
 
 
 def _correlation(vehicle: Vehicle, drawn: Sequence[str]) -> Array:
-    """Of the drawn parameters; files of earlier versions do not say it: then none."""
+    """Correlation of the sampled parameters; the identity for files of earlier versions."""
     said = identified(vehicle).get("correlation")
     if said is None:
         return np.eye(len(drawn))
@@ -311,7 +311,7 @@ def _correlation(vehicle: Vehicle, drawn: Sequence[str]) -> Array:
 
 
 def normal_draws(covariance: Array, count: int, rng: np.random.Generator) -> Array:
-    """Draws of mean 0, (count, size); the covariance (size, size) may be singular."""
+    """Sample normal vectors of mean 0, (count, size); the covariance may be singular."""
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray(
         rng.standard_normal((count, len(values))) * np.sqrt(np.maximum(values, 0.0)) @ vectors.T

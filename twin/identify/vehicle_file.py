@@ -1,8 +1,7 @@
 """Vehicle file: a calibration written back into the MJCF text that it started from.
 
-Only the attributes that changed are touched; comments, meshes and cameras of the file stay. What
-was fitted, from which store and how surely, goes into a `<text>` element, so that the file says
-for itself where its numbers come from.
+Only the attributes that changed are touched; comments, meshes and cameras of the file stay. A
+`<text>` element records the fitted parameters, their standard deviations and the store.
 
 The file's physics step is the longest that is accurate at the vehicle's usual speed.
 """
@@ -39,12 +38,12 @@ from twin.vehicle.parts import Part
 from twin.vehicle.vehicle import Vehicle, parse_vehicle
 
 STEPS = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
-"""[s] that are written; 0.2 s, stable and accurate too for most gliders, does not divide the usual
-sample period of 0.5 s"""
+"""[s] Physics steps that a file may get. 0.2 s, also stable and accurate for most gliders, does not
+divide the usual sample period of 0.5 s."""
 
 
 def largest_step(vehicle: Vehicle) -> float:
-    """[s] of STEPS that is stable and accurate on the vehicle's usual way, see
+    """Longest of STEPS [s] that is stable and accurate at the vehicle's usual speed, see
     `twin.physics.stiffness`."""
     found = stiffness_of(vehicle)
     allowed = STEPS[-1] if found is None else found.longest
@@ -52,7 +51,7 @@ def largest_step(vehicle: Vehicle) -> float:
 
 
 def driven_step(vehicle: Vehicle) -> float:
-    """[s] of a propelled vehicle's file, which stays unless it is too long for the vehicle."""
+    """Physics step [s] of a propelled vehicle: the file's, unless the vehicle needs a shorter."""
     found, own = stiffness_of(vehicle), file_timestep(vehicle)
     return own if found is None or own <= found.longest else largest_step(vehicle)
 
@@ -68,9 +67,9 @@ WRITTEN: dict[str, Callable[[Vehicle], Any]] = {
     "parts": lambda v: [x for p in v.parts for x in (p.low, p.high, *p.position, *p.values())],
     "battery": lambda v: [(mass.neutral_x, mass.eccentricity) for mass in v.masses],
 }
-"""Numbers that identification may change, by name."""
+"""Numbers that identification may change, as functions of the vehicle, by name"""
 DIGITS = 10
-"""Significant digits of a written number: far finer than any parameter is known."""
+"""Significant digits of a written number, far finer than any standard deviation"""
 
 
 def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
@@ -103,7 +102,7 @@ def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
 
 
 def _as_flown(calibration: Calibration) -> Vehicle:
-    """The glider whose hull swells as the identified one, and has drag across the flow."""
+    """Glider with the identified hull's thermal expansion, and with drag across the flow."""
     vehicle = calibration.vehicle.replace(
         hull_thermal_expansion=calibration.thermal_expansion,
         hull_thermal_lag=calibration.thermal_lag,
@@ -117,7 +116,7 @@ def _as_flown(calibration: Calibration) -> Vehicle:
 
 
 def _measured(calibration: Calibration) -> str:
-    """Elements with the water and the sensors, which identification reads again."""
+    """Elements with the numbers of water, hull and sensors that identification reads again."""
     c = calibration
     hull = [c.water_density, c.thermal_expansion, c.thermal_lag]
     sensors = [c.pitch_scale, c.pitch_offset, c.heading_offset, *c.heading_cycles]
@@ -132,7 +131,7 @@ def _measured(calibration: Calibration) -> str:
 
 
 def _with_changes(vehicle: Vehicle) -> str:
-    """Text of a vehicle's file with the numbers that differ from it."""
+    """Text of the vehicle's file with its changed numbers in place."""
     xml, original = vehicle.xml, parse_vehicle(vehicle.xml, vehicle.path)
     for name, value in vehicle.changes().items():
         if name == "static_cg":  # MJCF's axes are forward-port-up
@@ -155,13 +154,13 @@ def _with_changes(vehicle: Vehicle) -> str:
                 xml = _inertial(xml, vehicle, vehicle.battery.name, "pos", below, what)
         elif name in vehicle.part_names:
             xml = _with_part(xml, vehicle, vehicle.part(name), value)
-        elif name not in ("coupling", "static_inertia"):  # which follow from added mass and mass
+        elif name not in ("coupling", "static_inertia"):  # both follow from added mass and mass
             xml = _numeric(xml, name, np.ravel(value), vehicle)
     return xml
 
 
 def _with_part(xml: str, vehicle: Vehicle, part: Part, changes: Mapping[str, Any]) -> str:
-    """The text with a part's place, the ends of its travel, and its other numbers."""
+    """Text with a part's place, the ends of its travel and its other numbers."""
     if "position" in changes:
         xml = _with_site(xml, vehicle, part)
     if "low" in changes or "high" in changes:
@@ -176,17 +175,17 @@ def _with_part(xml: str, vehicle: Vehicle, part: Part, changes: Mapping[str, Any
 
 
 def cylinder_drag(vehicle: Vehicle) -> float:
-    """[kg/m] of a hull of this length and diameter across the flow.
+    """Drag coefficient [kg/m] of a cylinder of the hull's length and diameter across the flow.
 
-    A log of glides tells K_D at small angles. That much alone, broadside on, may be less than what
-    the fitted moments take from still water, which then drives the hull.
+    A log of glides determines K_D at small angles. Broadside on, K_D alone may dissipate less than
+    the fitted moments take from still water, and the hull would drive itself.
     """
     area = vehicle.hull_length * vehicle.hull_diameter
     return 0.5 * vehicle.reference_density * CYLINDER * area
 
 
 def with_consumption(vehicle: Vehicle, consumption: Consumption) -> Vehicle:
-    """The vehicle with these losses and powers in its file's text."""
+    """Return the vehicle with these losses and powers in its file's text."""
     xml, mine = vehicle.xml, Consumption.of(vehicle)
     for field in dataclasses.fields(Consumption):
         value = getattr(consumption, field.name)
@@ -216,7 +215,7 @@ def write_vehicle(
     consumption: Consumption | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Write the calibrated vehicle, with losses and powers that a log told where there are some.
+    """Write the calibrated vehicle, with the losses and powers of `consumption` where given.
 
     Raises:
       WriteError: the file exists and `overwrite` is False, or the disk refuses.
@@ -246,7 +245,7 @@ def _substitute(xml: str, pattern: str, replacement: str, what: str, vehicle: Ve
 
 
 def _numeric(xml: str, name: str, values: Any, vehicle: Vehicle) -> str:
-    """A `<numeric>` with other numbers; one that the file leaves at its default is added."""
+    """Text with other numbers in a `<numeric>`, which is added where the file has none."""
     if not re.search(rf'<numeric\s+name="{re.escape(name)}"', xml):
         line = f'    <numeric name="{name}" data="{_text(values)}"/>\n'
         return re.sub(r"[ \t]*</custom>", lambda match: line + match.group(0), xml)
@@ -255,14 +254,14 @@ def _numeric(xml: str, name: str, values: Any, vehicle: Vehicle) -> str:
 
 
 def _inertial(xml: str, vehicle: Vehicle, body: str, attribute: str, values: Any, what: str) -> str:
-    """The text with an attribute of a body's `<inertial>`."""
+    """Text with other values of an attribute of a body's `<inertial>`."""
     name = re.escape(body)
     head = rf'(<body\s+name="{name}".*?<inertial\b[^>]*?\b{attribute}=")[^"]*(")'
     return _substitute(xml, head, _text(values), what, vehicle)
 
 
 def _hull_inertial(xml: str, vehicle: Vehicle, scale: float) -> str:
-    """Mass and inertia of the hull; its inertia grows with the mass."""
+    """Text with the hull's mass, and its inertia times `scale`."""
     xml = _inertial(xml, vehicle, "hull", "mass", [vehicle.static_mass], "the hull's mass")
     pattern = re.compile(
         r'(<body\s+name="hull".*?<inertial\b[^>]*?\b(?:diag|full)inertia=")([^"]*)(")', re.DOTALL
@@ -284,12 +283,12 @@ def _battery_place(xml: str, vehicle: Vehicle, moved: float) -> str:
 
 
 def _actuator(name: str, attribute: str) -> str:
-    """Pattern of an attribute of the actuator of a part."""
+    """Pattern of an attribute of a part's actuator."""
     return rf'(<general\s+(?=[^>]*\bname="{re.escape(name)}")[^>]*?\b{attribute}=")[^"]*(")'
 
 
 def _with_site(xml: str, vehicle: Vehicle, part: Part) -> str:
-    """A site of its own for a part, at its place."""
+    """Text with a site of its own for a part, at the part's position."""
     site, place = part.name, _text(flip_vector(np.array(part.position)))
     if re.search(rf'<site\s+name="{re.escape(site)}"', xml):
         head = rf'(<site\s+name="{re.escape(site)}"[^>]*?\bpos=")[^"]*(")'
@@ -301,7 +300,7 @@ def _with_site(xml: str, vehicle: Vehicle, part: Part) -> str:
 
 
 def _check(xml: str, vehicle: Vehicle) -> None:
-    """Make sure that the text reads back as the vehicle that was meant."""
+    """Raise VehicleError where the text does not read back as the vehicle."""
     again = parse_vehicle(xml, vehicle.path)
     for name, value in WRITTEN.items():
         mine, theirs = (np.atleast_1d(value(v)) for v in (vehicle, again))

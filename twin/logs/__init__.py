@@ -1,4 +1,4 @@
-"""Flight: speed, vertical water velocity, currents and corrected tracks from a vehicle's logs.
+"""Logs: speed, vertical water velocity, currents and corrected tracks from a vehicle's logs.
 
 found = estimate_flight("real.zarr", vehicle="mine.xml")
 found.summary().w_deviation

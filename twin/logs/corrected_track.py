@@ -1,18 +1,18 @@
-"""Tracks over ground, dead-reckoned and corrected at the fixes, and the currents that fixes tell.
+"""Corrected tracks over ground: dead reckoning corrected at GPS fixes, and depth-averaged currents.
 
-The depth-averaged current of a dive is its displacement over ground between two fixes, less that
-through the water, over the time between them (Eriksen et al. 2001, IEEE J. Oceanic Eng. 26(4)).
+The depth-averaged current of a dive is its displacement over ground between two fixes, minus its
+displacement through the water, divided by the time (Eriksen et al. 2001, IEEE J. Oceanic Eng. 26).
 
-Two corrections: `smoother`, a current filter over all fixes of a deployment
-(`twin.logs.track`), which `twin flight` and exports use; and `linear`, for comparison
-and for quick looks.
+There are two corrections. `smoother` runs a current filter over all fixes of a deployment
+(`twin.logs.track`); `twin flight` and the exports use it. `linear` serves comparisons and quick
+looks.
 
-The linear one: between two fixes a dead-reckoned track misses the second by the way that the
-current and the errors of the speed have made. That misclosure is spread linearly in time, which is
-a current constant from fix to fix. How far the truth strays from it in between is taken for a
-random walk, tied to both fixes (a Brownian bridge): its variance is d t (T - t) / T, t after one
-fix and T from fix to fix. The diffusivity d follows from how much the depth-averaged current
-changes from dive to dive.
+In the linear correction, a dead-reckoned track misses the second of two fixes because of the
+current and the speed's errors. The misclosure is spread linearly in time: a constant current from
+fix to fix. The remaining error between the fixes is modelled as a random walk tied to both fixes
+(a Brownian bridge). Its variance is d t (T - t) / T, with t the time after one fix and T the time
+from fix to fix. The diffusivity d follows from how the depth-averaged current changes from dive to
+dive.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ from twin.identify.speed import way_of
 from twin.logs.track import Array, Fixes, SmoothedWay, smoothed_tracks, track_parameters
 
 LEAST_INTERVAL = 300.0
-"""[s] between two fixes that tell a current: in a minute at the surface their noise is one of
-10 cm/s"""
+"""[s] Shortest time between two fixes that give a current: over a minute at the surface, their
+noise would be a current of 10 cm/s."""
 UNDER_WATER = 3.0
-"""[m] that a vehicle passes between two fixes of a dive; shallower it hangs at the surface"""
+"""[m] Depth that a dive exceeds between two fixes; a shallower vehicle hangs at the surface"""
 SPEED_DEVIATION = 0.02
-"""[m/s] of a flight model's speed, against a Doppler log 0.017 (docs/results/real_logs.md)"""
+"""[m/s] Standard deviation of a flight model's speed; 0.017 against a Doppler log (real_logs.md)"""
 HEADING_DEVIATION = math.radians(2.0)
-"""[rad] of a calibrated compass: what its deviation leaves"""
+"""[rad] Standard deviation of the heading of a calibrated compass"""
 FOLLOWS_WITHIN = 3600.0
-"""[s] between two dives whose currents are compared"""
+"""[s] Longest time between two dives whose currents are compared"""
 USUAL_CHANGE = 0.03
-"""[m/s] of the current, each way, from dive to dive, where a log has too few: the median of 23
-dives on the shelf off Newfoundland is 0.02 to 0.03 (docs/results/real_logs.md)."""
+"""[m/s] Standard deviation, north and east each, of the current's change from dive to dive, for a
+log with too few dives. 23 dives off Newfoundland: 0.02 to 0.03 (docs/results/real_logs.md)."""
 USUAL_DURATION = 7200.0
-"""[s] of the dives of that figure"""
+"""[s] Duration of the dives that `USUAL_CHANGE` was measured from"""
 LEAST_PAIRS = 3
-"""of dives that follow each other, for a figure of the log's own"""
+"""Fewest pairs of successive dives from which a log's own statistics are computed"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -54,21 +54,21 @@ class Drift:
     """Statistics of the currents of a deployment."""
 
     diffusivity: float
-    """[m2/s] variance that the way gains per time, north and east each"""
+    """[m2/s] Growth of the position's variance with time, north and east each"""
     change: float
-    """[m/s] standard deviation of the current's change from a dive to the next, each way"""
+    """[m/s] Standard deviation of the current's change from dive to dive, north and east each"""
     usual: tuple[float, float] = (0.0, 0.0)
-    """North, east [m/s] that hold for a mission without two fixes."""
+    """North, east [m/s] Median current, used for a mission without two fixes"""
 
 
 SMOOTHER, LINEAR = "smoother", "linear"
 CORRECTIONS = (SMOOTHER, LINEAR)
 NOMINAL_LATITUDE = 45.0
-"""[degree] for the inertial period of a log without a position"""
+"""[degree] Latitude for the inertial period of a log without a position"""
 
 
 def check_correction(name: str) -> None:
-    """Raise UnknownName for a correction that there is not."""
+    """Raise UnknownName unless `name` is a correction of tracks."""
     if name not in CORRECTIONS:
         raise UnknownName("correction of tracks", name, CORRECTIONS)
 
@@ -76,11 +76,11 @@ def check_correction(name: str) -> None:
 def corrected_tracks(
     records: Sequence[Sequence[SmoothedWay]], period: float, latitudes: Sequence[float]
 ) -> list[list[tuple[Array, Array]]]:
-    """Smoothed positions and deviations of the ways of several deployments.
+    """Smooth several deployments' tracks: position and its standard deviation, track by track.
 
     Args:
-      records: the ways of each deployment, all in the same kind of water: the missions of one
-        store. Each is smoothed on its own, with parameters that all of them tell.
+      records: the tracks of each deployment, all in similar water, such as the missions of one
+        store. Each deployment is smoothed alone; the parameters are fitted to all deployments.
       period: [s] between samples.
       latitudes: [degree] of each deployment; `NOMINAL_LATITUDE` where one is NaN.
     """
@@ -97,12 +97,12 @@ def corrected_tracks(
 def corrected_track(
     velocity: Array, period: float, fixes: Fixes, latitude: float = NOMINAL_LATITUDE
 ) -> tuple[Array, Array]:
-    """Smoothed position north and east [m], (time, 2), and its deviation [m], each way, (time,).
+    """Smoothed track: position north, east [m], (time, 2), and standard deviation [m], (time,).
 
     Args:
       velocity: north, east through the water [m/s], (time, 2).
       period: [s] between samples.
-      fixes: of the same mission. Without any the track begins at the origin.
+      fixes: the fixes of the mission. A track without fixes begins at the origin.
       latitude: [degree]
     """
     way = SmoothedWay(velocity=velocity, fixes=fixes, start=0.0)
@@ -110,15 +110,15 @@ def corrected_track(
 
 
 def linear_track(velocity: Array, period: float, fixes: Fixes, drift: Drift) -> tuple[Array, Array]:
-    """Linearly corrected position north and east [m], (time, 2), and its deviation [m], (time,).
+    """Linear track: position north, east [m], (time, 2), and standard deviation [m], (time,).
 
-    At a fix the position is the fix. Before the first and after the last one the current of the
-    interval between the nearest fixes holds, or `drift.usual` where there is none of
-    `LEAST_INTERVAL`. Without any fix the track begins at the origin.
+    At a fix the position is the fix. Before the first and after the last fix, the current between
+    the two nearest fixes continues. If they are less than `LEAST_INTERVAL` apart, `drift.usual`
+    continues. A track without fixes begins at the origin.
 
     Args:
       velocity, period, fixes: as `corrected_track`.
-      drift: for the deviation, and for the current where two fixes do not tell.
+      drift: gives the standard deviation, and the current where two fixes cannot.
     """
     water = way_of(velocity, period)
     time = period * np.arange(len(velocity))
@@ -146,14 +146,14 @@ def linear_track(velocity: Array, period: float, fixes: Fixes, drift: Drift) -> 
 
 
 def track_velocity(track: Array, period: float, fixes: Fixes) -> Array | None:
-    """North, east [m/s] of a vehicle's own track, (time, 2); None where it has none.
+    """Velocity north, east [m/s] of a vehicle's on-board track, (time, 2); None without a track.
 
-    A vehicle sets its track to a fix when it gets one: that jump is no motion.
+    A vehicle sets its track to each new GPS fix: that jump is no motion.
 
     Args:
-      track: north, east [m], (time, 2), NaN where it is not known.
+      track: north, east [m], (time, 2), NaN where unknown.
       period: [s] between samples.
-      fixes: of the same mission.
+      fixes: the fixes of the mission.
     """
     known = np.isfinite(track).all(axis=1)
     if known.sum() < 2:
@@ -167,44 +167,44 @@ def track_velocity(track: Array, period: float, fixes: Fixes) -> Array | None:
 
 
 def _open(away: NDArray[np.floating], drift: Drift) -> Array:
-    """Variance [m2] at a time [s] from the only fix: another current, and the random walk."""
+    """Variance [m2] at a time [s] from the nearest fix: a changed current, and the random walk."""
     return np.asarray((drift.change * away) ** 2 + drift.diffusivity * away)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DiveCurrent:
-    """The depth-averaged current of one dive."""
+    """Depth-averaged current of one dive."""
 
     mission: int
     """Row in the store."""
     first: int
     """Sample of the fix before the dive"""
     last: int
-    """Sample of the fix after it"""
+    """Sample of the fix after the dive"""
     start: float
-    """[s] of the fix before, on the clock of the deployment; NaN without one"""
+    """[s] Time of the fix before the dive, on the deployment's clock; NaN without a clock"""
     duration: float
-    """[s]"""
+    """[s] Time between the fixes"""
     north: float
-    """[m/s]"""
+    """[m/s] northward current"""
     east: float
-    """[m/s]"""
+    """[m/s] eastward current"""
     deviation: float
-    """[m/s] standard deviation, each way: of the fixes, the speed and the heading"""
+    """[m/s] Standard deviation, north and east each, from the fixes, the speed and the heading"""
 
 
 def currents(
     mission: int, velocity: Array, depth: Array, period: float, fixes: Fixes, start: float
 ) -> list[DiveCurrent]:
-    """The currents of the dives of a mission, in order of time.
+    """Depth-averaged currents of the dives of a mission, in order of time.
 
     Args:
       mission: row in the store.
       velocity: north, east through the water [m/s], (time, 2).
       depth: [m], (time,).
       period: [s] between samples.
-      fixes: of the mission.
-      start: [s] of its first sample.
+      fixes: the fixes of the mission.
+      start: [s] time of the first sample.
     """
     water = way_of(velocity, period)
     speed = np.hypot(*velocity.T)
@@ -236,11 +236,11 @@ def currents(
 
 
 def drift_of(found: Sequence[DiveCurrent]) -> Drift:
-    """Statistics of the currents of one deployment's dives, given in order of time.
+    """Statistics of the currents of one deployment's dives; `found` is in order of time.
 
-    Two dives of durations a and b whose currents differ by c make up the bridge that one dive of
-    both would have been: it would have missed the fix between them by c a b / (a + b), whose
-    variance by the random walk is d a b / (a + b).
+    Let the currents of two dives of durations a and b differ by c. One dive over both would have
+    missed the fix between them by c a b / (a + b). By the random walk, the variance of that
+    misclosure is d a b / (a + b).
     """
     spreads, changes = [], []
     for one, next_one in itertools.pairwise(found):

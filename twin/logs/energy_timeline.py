@@ -1,6 +1,6 @@
-"""Energy timeline: what the vehicle did and what its counter of charge said, along a deployment.
+"""Energy timeline: actuator work, time and the charge counter's readings along a deployment.
 
-Noise of a part's encoder is taken out: a part that stands moves nothing.
+The encoder noise of resting parts is removed, since a part at rest takes no energy.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ Array = NDArray[np.float64]
 
 CHARGE, VOLTAGE, VACUUM = "measured_charge", "measured_voltage", "measured_vacuum"
 COULOMBS = 3600.0
-"""[C] in 1 A h"""
+"""[C] Charge of 1 A h"""
 INTERVAL = 300.0
-"""[s] of the counter that one equation spans, at least"""
+"""[s] Shortest time between the two counter readings of one equation"""
 LONGEST_STAY = 3600.0
-"""[s] A longer hole between two dives is unknown; a shorter one is a stay at the surface"""
+"""[s] Longest gap between dives that counts as a surface interval; a longer gap is unknown"""
 STILL = 0.005
-"""of its travel: moves of a part below it are noise of its encoder"""
+"""[1] Fraction of a part's travel below which a move is encoder noise"""
 
 
 class NotCounted(InputError):
-    """A store has no counter of charge, no voltage, or too few readings of them."""
+    """Error: a store has no charge counter, no voltage, or too few readings of them."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DiveCharge:
-    """Charge of one dive, from its counter's first sample to its last."""
+    """Charge of one dive, from the counter's first sample in it to the last."""
 
     mission: int
     hours: float
@@ -51,15 +51,15 @@ class DiveCharge:
 
 
 class EnergyFactor(NamedTuple):
-    """Factor of one consumer in the line of energy."""
+    """Factor of one consumer in the energy equation."""
 
     name: str
     unit: str
     least: float
     field: str
-    """Field of `Consumption`; empty: it has none"""
+    """Field of `Consumption`; empty for a factor without a field"""
     inverse: bool = False
-    """Whether the field is one over the factor"""
+    """True if the field is one over the factor"""
     most: float = np.inf
 
 
@@ -70,16 +70,16 @@ FACTORS = (
     EnergyFactor("pump", "1", 1.0, "pump_efficiency", inverse=True),
     EnergyFactor("pump loss", "Pa", 0.0, "pump_loss"),
     EnergyFactor("pump return", "Pa", 0.0, "pump_return"),
-    # a drive that wins less than a hundredth: it moves with the pump, whose energy it takes
+    # efficiency above 1/100: drives move with the pump and would take over its energy
     EnergyFactor("drives", "1", 1.0, "screw_efficiency", inverse=True, most=100.0),
     EnergyFactor("propeller", "1", 1.0, "propeller_efficiency", inverse=True),
     EnergyFactor("thruster", "1", 0.0, ""),
 )
-"""The line's factors; the first is in every log"""
+"""Factors of the energy equation; every log determines the first one"""
 
 
 class EnergyTimeline:
-    """Dives and the stays between them as one line: what has been done, and taken, until when."""
+    """Dives and surface intervals in order of time: cumulative work and time, and charge taken."""
 
     def __init__(self, logs: LogStore, rows: Sequence[int], vehicle: Vehicle):
         missing = [name for name in (CHARGE, VOLTAGE) if name not in logs]
@@ -117,7 +117,7 @@ class EnergyTimeline:
     def _done(
         self, signal: Callable[[str], Array], names: set[str], vehicle: Vehicle
     ) -> dict[str, Array]:
-        """Cumulative quantity of each factor, (time,)."""
+        """Cumulative quantity that each factor multiplies, by the factor's name, (time,)."""
         losses = Consumption.of(vehicle)
         depth = np.maximum(_joined(signal("measured_depth")), 0.0)
         pitch = np.deg2rad(_joined(signal("measured_pitch")))
@@ -154,7 +154,7 @@ class EnergyTimeline:
         return {name: np.cumsum(values) for name, values in parts.items()}
 
     def intervals(self) -> NDArray[np.intp]:
-        """First and last sample of each interval between readings of the counter, (interval, 2)."""
+        """First and last sample of each interval between counter readings, (interval, 2)."""
         found, start = [], -1
         for k in np.flatnonzero(np.isfinite(self.charge)).tolist():
             if start >= 0 and self.chain[k] == self.chain[start]:
@@ -165,7 +165,7 @@ class EnergyTimeline:
         return np.array(found, np.intp).reshape(-1, 2)
 
     def energy(self, span: NDArray[np.intp]) -> Array:
-        """[J] taken in each interval."""
+        """[J] Energy taken in each interval, (interval,)."""
         first, last = span.T
         volts = 0.5 * (self.voltage[first] + self.voltage[last])
         return np.asarray((self.charge[last] - self.charge[first]) * COULOMBS * volts)
@@ -177,7 +177,7 @@ class EnergyTimeline:
         return np.stack(columns, axis=1)
 
     def dives(self, factors: Mapping[str, float]) -> tuple[DiveCharge, ...]:
-        """Measured and modelled charge of each dive with two readings."""
+        """Measured and modelled charge of each dive with two counter readings."""
         found = []
         for mission in dict.fromkeys(self.mission[np.isfinite(self.charge)].tolist()):
             at = np.flatnonzero((self.mission == mission) & np.isfinite(self.charge))
@@ -201,13 +201,13 @@ class EnergyTimeline:
 def least_squares(
     table: Array, taken: Array, dive: Array, names: Sequence[str]
 ) -> tuple[Array, Array]:
-    """Factors within their bounds, and deviations by the sums of dives: infinite at a bound."""
+    """Fit factors within bounds; standard deviations from sums over dives, infinite at a bound."""
     from scipy.optimize import lsq_linear
 
     scale = np.maximum(np.abs(table).max(axis=0), 1e-300)
     bounds = [(f.least, f.most) for name in names for f in FACTORS if f.name == name]
     least, most = np.array(bounds).T * scale
-    with np.errstate(invalid="ignore"):  # scipy multiplies its endless step along a zero gradient
+    with np.errstate(invalid="ignore"):  # scipy multiplies its infinite step along a zero gradient
         found = lsq_linear(table / scale, taken, bounds=(least, most))
     error = taken - table / scale @ found.x
     inner = found.active_mask == 0
@@ -224,9 +224,9 @@ def least_squares(
 
 
 def settled(values: Array) -> Array:
-    """A part's position with the noise of its encoder taken out: it follows moves alone, (time,).
+    """Position of a part without encoder noise, (time,).
 
-    As a gear with play: the value stays while the reading is within `STILL` of its travel.
+    The value stays while the reading is within `STILL` of its travel, as a gear with backlash does.
     """
     play = STILL * float(np.ptp(np.percentile(values, [1.0, 99.0])))
     place, found = float(values[0]), np.empty(len(values))
@@ -237,7 +237,7 @@ def settled(values: Array) -> Array:
 
 
 def _joined(values: Array) -> Array:
-    """Straight lines across NaN; zeros where nothing is known."""
+    """Values with NaN interpolated linearly; zeros if no value is finite."""
     known = np.flatnonzero(np.isfinite(values))
     if not known.size:
         return np.zeros(len(values))

@@ -1,23 +1,23 @@
-"""Energy use: what electronics, pump, drives, payload and thruster of a deployment take.
+"""Energy use: energy taken by a deployment's electronics, pump, drives, payload and thruster.
 
 use = energy_used("real.zarr")
 use.terms, use.consumption, use.power
 
-The counter of charge, times the voltage, is a line of known times and moves:
+The charge counter times the voltage is linear in known times and moves:
 
     energy = hotel t + surface t_afloat + payload t_sampling + pump (p + vacuum) V_out
              + pump loss V_out + pump return V_in + drives W + propeller W + thruster E
 
-with the pressure p outside, the volumes V that the pump moves out and in, the work W of moving
-masses and propellers without losses and the energy E that a glider's thruster draws by its own
-current. Least squares over intervals of five minutes, each factor within what is possible; its
-deviation is that of whole dives, since neighbouring intervals err together. A factor that the log
-does not determine keeps the vehicle's figure.
+p is the pressure outside, V the volumes that the pump moves out and in. W is the lossless work of
+moving masses and propellers, E the energy that a glider's thruster takes by its logged current.
+Factors are fitted by bounded least squares over intervals of five minutes. Their standard
+deviations come from whole dives, since errors of neighbouring intervals are correlated. A factor
+that the log does not determine keeps the vehicle's value.
 
-The power of a dive is a level and noise; the level walks from dive to dive and has a slope, such as
-that of a pump which weakens (Durbin and Koopman 2012, Time Series Analysis by State Space Methods,
-chapter 3). How far it walks is averaged over by its likelihood, so that ten dives promise less than
-a hundred.
+The power of a dive is a level plus noise. The level is a random walk with a slope, such as that of
+a weakening pump (Durbin and Koopman 2012, Time Series Analysis by State Space Methods, chapter 3).
+The walk's size is averaged over, weighted by its likelihood: few dives give a wider interval than
+many.
 """
 
 from __future__ import annotations
@@ -48,23 +48,23 @@ from twin.vehicle.consumption import Consumption
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 ALWAYS = 0.97
-"""of the time: what is on for longer cannot be told from the electronics"""
+"""[1] Fraction of time on beyond which a payload cannot be separated from the electronics"""
 DOUBTFUL = 0.5
-"""deviation over value from which a factor is not determined"""
+"""[1] Standard deviation over value above which a factor counts as not determined"""
 MOST_KWH = 1e4
-"""[kW h] of batteries"""
+"""[kW h] Largest energy left that is accepted"""
 LEAST_EQUATIONS = 3
-"""for each factor"""
+"""Fewest equations for each factor"""
 WALKS = (0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
-"""Variance of a step of the level over that of the noise; each as likely before the dives speak"""
+"""[1] Variances of the level's step over the noise's, with equal prior probability"""
 SLOPE = 0.05
-"""Part by which the power changes over a whole deployment, standard deviation, before the dives
-speak: fouling, pump, batteries"""
+"""[1] Prior standard deviation of the power's relative change over a deployment: fouling, pump,
+batteries"""
 LEAST_DIVES = 3
-"""Below which a dive's noise is not known"""
+"""Fewest dives from which the noise of a dive can be estimated"""
 DRAWS = 4000
 LEAST_PART = 0.1
-"""Of the level that a drawn power keeps: nothing takes less than its electronics"""
+"""[1] Least sampled power as a fraction of the level: the electronics always run"""
 DAYS_INTERVAL = (0.05, 0.95)
 DAY_HOURS = 24.0
 SEED = 0
@@ -78,41 +78,41 @@ class EnergyTerm:
     value: float
     """Factor, in `unit`"""
     deviation: float
-    """Standard deviation; NaN where the value is the vehicle's"""
+    """Standard deviation; NaN where the value is the vehicle's own"""
     unit: str
     energy: float
-    """[J] of the deployment"""
+    """[J] Energy of the deployment"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EnergyUse:
-    """The consumers of a deployment."""
+    """Consumers of a deployment, fitted to its charge counter."""
 
     vehicle: Vehicle
     terms: tuple[EnergyTerm, ...]
     dives: tuple[DiveCharge, ...]
     consumption: Consumption
-    """The vehicle's with what the log determines"""
+    """The vehicle's consumption, with the values that the log determines"""
     hours: float
-    """[h] that the counter covers, stays at the surface included"""
+    """[h] Time that the counter covers, with surface intervals"""
     charge: float
-    """[A h] in them"""
+    """[A h] Charge taken in `hours`"""
     voltage: float
-    """[V] mean"""
+    """[V] Mean voltage"""
     equations: int
     resets: int
-    """Intervals left out in which the counter ran backwards"""
+    """Intervals left out because the counter ran backwards"""
 
     @property
     def power(self) -> float:
-        """[W] mean."""
+        """[W] Mean power."""
         return self.charge * self.voltage / self.hours
 
     def days_left(self, energy_left_kwh: float) -> float:
-        """[d] that so much energy [kW h] lasts at this power.
+        """[d] Time that `energy_left_kwh` [kW h] lasts at the mean power.
 
         Raises:
-          InputError: an energy that no battery of a vehicle has.
+          InputError: an energy beyond any vehicle's battery, or not above 0.
         """
         if not 0.0 < energy_left_kwh <= MOST_KWH:
             raise InputError(
@@ -144,9 +144,9 @@ class EnergyUse:
 def counted_energy(
     store: str | StorePath, vehicle: str | Path | Vehicle, *, newest: bool = False
 ) -> EnergyUse | None:
-    """`energy_used`; None where the store has not counted its energy, or holds no logs.
+    """Fit the energy use of a store; None if the store has no charge counter, or holds no logs.
 
-    With `newest` of the deployment that began last alone.
+    With `newest`, only the deployment that began last is fitted.
     """
     with MissionStore(store) as found:
         if not found.logged:
@@ -167,12 +167,12 @@ def energy_used(
     *,
     missions: Sequence[int] | None = None,
 ) -> EnergyUse:
-    """The consumers of the dives of a store.
+    """Fit the energy consumers to the dives of a store.
 
     Args:
       store: of logs.
-      vehicle: whose pump and masses moved, and whose figures stay where the log says nothing;
-        default the one of the log's kind.
+      vehicle: its pump and masses give the work; its values stay where the log determines none.
+        Default: the shipped vehicle of the log's type.
       missions: rows to use; default all.
 
     Raises:
@@ -191,18 +191,18 @@ def energy_used(
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ChargeForecast:
-    """The charge of later dives by what earlier ones taught."""
+    """Charge of later dives, predicted from earlier dives."""
 
     dives: tuple[DiveCharge, ...]
     taught: int
-    """Dives that taught"""
+    """Number of dives in the fit"""
     per_hour: float
-    """[A h/h] of the dives that taught: a simple rival"""
+    """[A h/h] Charge per hour of the dives in the fit: a simple rival prediction"""
     each: float
-    """[A h] of a dive that taught, in the mean: the other one"""
+    """[A h] Mean charge of the dives in the fit: a second rival prediction"""
 
     def errors(self) -> dict[str, float]:
-        """Mean absolute error of a dive and error of the sum, as parts of what was measured."""
+        """Mean absolute error of a dive and error of the sum, relative to the measured charge."""
         measured, modelled, hours = np.array(
             [(one.measured, one.modelled, one.hours) for one in self.dives]
         ).T
@@ -221,9 +221,9 @@ class ChargeForecast:
 def second_half(
     store: str | StorePath, vehicle: Vehicle, *, missions: Sequence[int] | None = None
 ) -> ChargeForecast | None:
-    """The second half of the dives by the first; None where the first has too few.
+    """Predict the charge of the second half of the dives; None if the first half has too few.
 
-    The later dives' times, depths and volumes are given: what is tested is what these cost.
+    The later dives' times, depths and volumes are given: only their energy is predicted.
     """
     with LogStore(store) as logs:
         rows = range(len(logs)) if missions is None else missions
@@ -266,7 +266,7 @@ def _fitted(line: EnergyTimeline, vehicle: Vehicle) -> EnergyUse:
     table = line.table(span, free)
     part_on = table[:, free.index("payload")].sum() / table[:, free.index("hotel")].sum()
     if not 1.0 - ALWAYS < part_on < ALWAYS:
-        kept["payload"] = 0.0  # always on: in the hotel load
+        kept["payload"] = 0.0  # always on: part of the hotel load
         free.remove("payload")
     free = [name for name in free if line.table(span, [name]).any()]
     dive = line.mission[span[:, 0]]
@@ -278,7 +278,7 @@ def _fitted(line: EnergyTimeline, vehicle: Vehicle) -> EnergyUse:
             name: deviation / value if value > 0.0 else np.inf
             for name, value, deviation in zip(free, values, deviations, strict=True)
         }
-        del doubt[free[0]]  # the hotel load is in every log
+        del doubt[free[0]]  # every log determines the hotel load
         worst = max(doubt, key=lambda name: doubt[name], default="")
         many = len(span) >= LEAST_EQUATIONS * len(free)
         if not worst or (doubt[worst] <= DOUBTFUL and many):
@@ -322,32 +322,32 @@ def _fitted(line: EnergyTimeline, vehicle: Vehicle) -> EnergyUse:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Endurance:
-    """Days that are left, where it goes on as in its last dives."""
+    """Days left if the vehicle continues as in its last dives."""
 
     energy_left_kwh: float
     """[kW h]"""
     power: float
-    """[W] expected"""
+    """[W] Expected mean power"""
     powers: Array
-    """[W] draws of the mean power until the energy is gone, (draw,)"""
+    """[W] Samples of the mean power until the energy is gone, (draw,)"""
 
     @property
     def days(self) -> float:
-        """[d] at the expected power; 0 where nothing is left."""
+        """[d] Days left at the expected power; 0 if no energy is left."""
         return max(self.energy_left_kwh, 0.0) * 1e3 / self.power / DAY_HOURS
 
     def days_drawn(self, added: float = 0.0) -> Array:
-        """[d] of each draw with so much power [W] added, such as that of a change, (draw,)."""
+        """[d] Days left by each sample with `added` [W] more power, (draw,)."""
         power = np.maximum(self.powers + added, LEAST_PART * self.power)
         return np.asarray(max(self.energy_left_kwh, 0.0) * 1e3 / power / DAY_HOURS)
 
     def interval(self, added: float = 0.0) -> tuple[float, float]:
-        """[d] 90 % of the days left."""
+        """[d] Interval that holds the days left with a probability of 90 %."""
         low, high = np.quantile(self.days_drawn(added), DAYS_INTERVAL)
         return float(low), float(high)
 
     def between(self, added: float = 0.0) -> str:
-        """The interval in words; it has no upper end where the power may be next to nothing."""
+        """The interval as text; without an upper end if a sampled power is at its lower bound."""
         low, high = self.interval(added)
         if high > 0.99 * self.days / LEAST_PART:
             return f"{low:.1f} and more"
@@ -355,7 +355,7 @@ class Endurance:
 
 
 def endurance_of(used: EnergyUse, energy_left_kwh: float) -> Endurance | None:
-    """Days left by the dives of a deployment; None of fewer than three.
+    """Days left, estimated from the dives of a deployment; None for fewer than three dives.
 
     Args:
       used: of one deployment. energy_left_kwh: [kW h].
@@ -364,7 +364,7 @@ def endurance_of(used: EnergyUse, energy_left_kwh: float) -> Endurance | None:
         return None
     hours = np.array([one.hours for one in used.dives])
     taken = np.array([one.measured for one in used.dives])
-    whole = used.charge / used.hours / (taken.sum() / hours.sum())  # stays at the surface, too
+    whole = used.charge / used.hours / (taken.sum() / hours.sum())  # adds the surface intervals
     power = taken / hours * used.voltage * whole
     left = max(energy_left_kwh, 0.0) * 1e3 / power.mean() / float(np.median(hours))  # dives
     slope = SLOPE * power.mean() / (len(power) + left)
@@ -385,16 +385,16 @@ def endurance_of(used: EnergyUse, energy_left_kwh: float) -> Endurance | None:
 
 
 def _followed(power: Array, walk: float, slope: float, left: float) -> tuple[float, float, float]:
-    """Mean of the dives to come, its deviation, and the logarithm of the likelihood.
+    """Mean power of the dives to come, its standard deviation, and the log-likelihood.
 
-    A Kalman filter of level and slope, begun with the first dive; its variances are over that of
-    the noise, which the innovations tell.
+    A Kalman filter of level and slope, started at the first dive. Its variances are divided by the
+    noise variance, which the innovations determine.
 
     Args:
-      power: [W] of each dive. walk: variance of a step. slope: [W] a dive, its deviation before.
-      left: dives to come.
+      power: [W] of each dive. walk: variance of a step. slope: [W] its prior standard deviation,
+        per dive. left: number of dives to come.
     """
-    least = (1e-6 * abs(float(power.mean()))) ** 2  # a counter that is even without end
+    least = (1e-6 * abs(float(power.mean()))) ** 2  # keeps the noise above 0 for equal dives
     noise = max(0.5 * float(np.mean(np.diff(power) ** 2)), least)
     state, cover = np.array([power[0], 0.0]), np.diag([1.0, slope**2 / noise])
     step = np.array([[1.0, 1.0], [0.0, 1.0]])
@@ -409,7 +409,7 @@ def _followed(power: Array, walk: float, slope: float, left: float) -> tuple[flo
         squares.append(innovation**2 / variance)
         variances.append(variance)
     noise = max(float(np.mean(squares)), least)
-    middle = np.array([1.0, 0.5 * left])  # the slope's part of the mean of what is to come
+    middle = np.array([1.0, 0.5 * left])  # the mean over `left` dives has half their slope
     ahead = middle @ cover @ middle + walk * left / 3.0 + 1.0 / max(left, 1.0)
     likelihood = -0.5 * float(np.log(variances).sum() + len(squares) * np.log(noise))
     return float(middle @ state), float(np.sqrt(noise * ahead)), likelihood

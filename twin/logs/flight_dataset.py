@@ -1,4 +1,4 @@
-"""Dataset: a flight as netCDF or zarr, on the store's own samples, with CF attributes."""
+"""Flight dataset: a flight as netCDF or zarr, on the store's own samples, with CF attributes."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ FLOWN: dict[str, tuple[str, str, str | None]] = {
         "kg m-3", "in-situ density, thermal lag of the cell corrected", "sea_water_density"
     ),
 }  # fmt: skip
-"""Units, meaning and CF standard name of what the flight model makes, (mission, time)"""
+"""Units, meaning and CF standard name of the flight model's variables, (mission, time)"""
 COPIED = {
     "measured_depth": "depth",
     "measured_pressure": "pressure",
@@ -85,7 +85,7 @@ COPIED = {
     "measured_heading": "heading",
     "measured_phase": "phase",
 }
-"""Signals of the store that stand beside it, under these names"""
+"""Signals copied from the store, and their names in the dataset"""
 COMMENTS = {
     W_WATER: "depth rate of the flight model less the observed one, both filtered over 20 s; "
     "missing above 3 m, in gaps of the log and while the model settles; "
@@ -107,7 +107,7 @@ TRACK_COMMENTS = {
         "longitude": SPREAD,
     },
 }
-"""Comments by the correction at the fixes"""
+"""Comments of variables, by the correction at the fixes"""
 PER_DIVE: dict[str, tuple[str, str, str | None]] = {
     "dac_north": (
         "m s-1", "depth-averaged current, northward", "northward_sea_water_velocity"
@@ -117,7 +117,7 @@ PER_DIVE: dict[str, tuple[str, str, str | None]] = {
     "dac_start": ("s", "time of the fix before the dive, since the mission's start", None),
     "dac_end": ("s", "time of the fix after the dive, since the mission's start", None),
 }  # fmt: skip
-"""Units, meaning and CF standard name of each dive between two fixes, (dac,)"""
+"""Units, meaning and CF standard name of the variables of dives between two fixes, (dac,)"""
 DAC, DAC_MISSION, DAC_TIME = "dac", "dac_mission", "dac_time"
 EPOCH = {"units": "seconds since 1970-01-01T00:00:00", "calendar": "standard",
          "standard_name": "time"}  # fmt: skip
@@ -129,7 +129,7 @@ OF_FLIGHTS: Mapping[str, Mapping[str, str]] = {
     DIVE: {"long_name": "number of the dive: the vehicle's own, or counted from 0"},
     START_TIME: {**EPOCH, "long_name": "UTC time of the mission's first sample"},
 }
-"""CF attributes of the axes and of what there is one of for each mission"""
+"""CF attributes of the axes and of the variables with one value per mission"""
 OF_DIVES: Mapping[str, Mapping[str, str]] = {
     DAC_MISSION: {"long_name": "row of the store that the dive is in"},
     DAC_TIME: {**EPOCH, "long_name": "UTC time of the middle between the two fixes"},
@@ -141,11 +141,11 @@ OF_DIVES: Mapping[str, Mapping[str, str]] = {
         for name, units in (("latitude", "degree_north"), ("longitude", "degree_east"))
     },
 }  # fmt: skip
-"""CF attributes of the moment and place of each dive"""
+"""CF attributes of the time and place of each dive"""
 
 
 def flight_dataset(flight: Flight) -> xr.Dataset:
-    """All of a flight on the store's samples, (mission, time); its currents (dac)."""
+    """Dataset of a flight: the store's samples, (mission, time), and its currents, (dac,)."""
     import xarray as xr
 
     store = flight.store
@@ -225,14 +225,14 @@ FIX_ATTRIBUTES = {
     "flag_meanings": "no_fix fix",
 }
 LEAST_SPEED = 0.05
-"""[m/s] below which an angle of attack means nothing"""
+"""[m/s] Speed below which no angle of attack is written"""
 
 
 def write_flight(flight: Flight, path: Path, *, overwrite: bool = False) -> None:
     """Write a flight as netCDF (.nc) or zarr (.zarr).
 
     Raises:
-      InputError: another ending, a file that exists already, or the disk refuses.
+      InputError: another ending, a file that exists already, or a disk that refuses to write.
     """
     check_target(path, overwrite=overwrite)
     dataset = flight_dataset(flight)
@@ -281,7 +281,7 @@ def _described(about: tuple[str, str, str | None]) -> dict[str, Any]:
 
 
 def _per_dive(flight: Flight) -> dict[str, Any]:
-    """The currents; none where no dive has two fixes."""
+    """Variables of the depth-averaged currents; none if no dive has two fixes."""
     found = flight.currents
     if not found:
         return {}
@@ -305,7 +305,7 @@ def _per_dive(flight: Flight) -> dict[str, Any]:
 
 
 def _dac_places(flight: Flight) -> dict[str, Any]:
-    """Moment and place of the middle of each dive, where the store knows them."""
+    """Time and place at the middle of each dive, where the store has them."""
     missions = {one.dive.mission: one for one in flight.missions}
     middle = np.array([one.start + 0.5 * one.duration for one in flight.currents])
     where = []
@@ -325,7 +325,7 @@ def _dac_places(flight: Flight) -> dict[str, Any]:
 
 
 def _about(flight: Flight) -> dict[str, Any]:
-    """Global attributes."""
+    """Global attributes of the dataset."""
     store = flight.store
     lags = "; ".join(
         f"{name}: alpha {lag.amplitude:.3g}, tau {lag.time:.3g} s"

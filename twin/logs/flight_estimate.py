@@ -1,4 +1,4 @@
-"""Flight: speed, water and way of every mission of a store, by a vehicle's flight model.
+"""Flight estimate: speed, water velocity and track of a store's missions, by a flight model.
 
 found = estimate_flight("real.zarr", vehicle="mine.xml")
 found.summary().w_deviation
@@ -39,7 +39,7 @@ CTD = ("measured_temperature", "measured_salinity", "measured_pressure", "measur
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class MissionFlight:
-    """One mission with its way over ground."""
+    """Flight of one mission, with its track over ground."""
 
     dive: FlownDive
     place: Place
@@ -47,12 +47,12 @@ class MissionFlight:
     position: Array
     """North, east [m] from the mission's origin, (time, 2)"""
     deviation: Array
-    """[m] standard deviation of it, each way, (time,)"""
+    """[m] Standard deviation of the position, north and east each, (time,)"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Flight:
-    """Flights of the missions of a store by a flight model."""
+    """Flights of the missions of a store, estimated with a flight model."""
 
     store: MissionStore
     calibration: Calibration
@@ -61,14 +61,14 @@ class Flight:
     """Correction of tracks at the fixes"""
     missions: tuple[MissionFlight, ...]
     currents: tuple[DiveCurrent, ...]
-    """of all dives between fixes, in the order of the missions"""
+    """Currents of all dives between fixes, in the order of the missions"""
     lags: dict[str, ThermalLag]
-    """of the CTD of each deployment that shows one"""
+    """Thermal lag of the CTD, for each deployment whose data show one"""
     flown: tuple[int, ...]
-    """Missions that the model could fly."""
+    """Missions that the model could fly"""
 
     def summary(self) -> FlightSummary:
-        """The vertical velocity of the water over all missions."""
+        """Statistics of the water's vertical velocity over all missions."""
         return summarise([one.dive for one in self.missions])
 
 
@@ -82,23 +82,23 @@ def estimate_flight(
     track: str = SMOOTHER,
     advance: Callable[[], object] = lambda: None,
 ) -> Flight:
-    """Speed through the water, vertical water velocity, currents and corrected tracks of a store.
+    """Estimate the flight of a store: velocities through the water, currents, corrected tracks.
 
     Args:
       store: path of a store of logs, or of simulated missions with sensors.
-      vehicle: what `twin identify` wrote, a shipped vehicle's name, or a calibration; default the
-        shipped one of the log's kind, or a simulated store's own.
-      missions: which, all by default.
-      estimator: of the velocity through the water, or its name.
+      vehicle: file that `twin identify` wrote, a shipped vehicle's name, or a calibration. Default:
+        the shipped vehicle of the log's type, or a simulated store's own.
+      missions: rows to estimate; default all.
+      estimator: an estimator of the velocity through the water, or its name.
       track: correction at the fixes, `smoother` or `linear`.
-      thermal_lag: whether to look for the CTD's thermal lag and to correct it.
-      advance: called once for each mission that is done.
+      thermal_lag: whether to fit the CTD's thermal lag and to correct it.
+      advance: called after each mission.
 
     Raises:
       StoreError: no such store or mission, a missing channel, or no dive in any of them.
       VehicleError: no such vehicle, or one whose flight is not modelled.
-      InputError: an unknown estimator or correction, or a log that does not say which glider it
-        is of.
+      InputError: an unknown estimator or correction, or a log that does not say from which glider
+        it comes.
     """
     check_correction(track)
     found = MissionStore(store)
@@ -173,10 +173,10 @@ def _tracks(
     correction: str,
     estimator: FlightEstimator,
 ) -> dict[int, tuple[Array, Array]]:
-    """Corrected track and its deviation by mission.
+    """Corrected track and its standard deviation, by mission.
 
-    A mission that no model can fly moved with the water as far as anybody knows: it has the linear
-    correction, and the smoother does not learn from it.
+    A mission that no model can fly is assumed to move with the water. Its track is corrected
+    linearly, and the smoother's parameters are fitted without it.
     """
     tracks: dict[int, tuple[Array, Array]] = {}
     starts = start_times(store)
@@ -212,14 +212,14 @@ def _tracks(
 
 
 def _deployments(store: MissionStore) -> list[str]:
-    """Name of each mission's deployment; simulated missions are flown one by one."""
+    """Name of each mission's deployment; each simulated mission is a deployment of its own."""
     if DEPLOYMENT in store:
         return [str(name) for name in store.array(DEPLOYMENT)]
     return [f"mission {mission}" for mission in range(len(store))]
 
 
 def _ctd(store: MissionStore, mission: int, place: Place) -> CtdSeries | None:
-    """The CTD of a mission as stored; None without one."""
+    """CTD of a mission as stored; None without one."""
     if any(name not in store for name in CTD):
         return None
     count = int(store.samples[mission])
@@ -239,4 +239,4 @@ def _ctd(store: MissionStore, mission: int, place: Place) -> CtdSeries | None:
 
 
 NOMINAL_LATITUDE = 45.0
-"""[degree] for the density of a log without a position: its choice moves it by 0.005 kg/m3"""
+"""[degree] Latitude for the density of logs without a position; the error is 0.005 kg/m3"""

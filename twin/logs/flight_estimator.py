@@ -1,7 +1,7 @@
-"""Flight estimators, an extension point, and the dives that they say were flown.
+"""Flight estimators: velocity of a logged vehicle through the water; an extension point.
 
-The steady model has its forces in balance at every sample (`twin.identify.speed`); the
-flight model integrates the three equations of translation (`twin.identify.translation`).
+The steady model balances the forces at every sample (`twin.identify.speed`). The flight model
+integrates the three equations of translation (`twin.identify.translation`). `fly_dive` uses them.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from twin.records.reader import MissionStore
 from twin.registry import Registry
 
 LEAST_COSINE = 0.2
-"""cos(pitch) cos(roll) below which heave cannot be solved for"""
+"""cos(pitch) cos(roll) below which the depth rate does not determine heave"""
 LEAST_KNOWN = 0.9
-"""[1] of the time under water: what a cut log does not say is a guess, and no current follows"""
+"""[1] Fraction of the time under water with a known attitude below which no current is computed"""
 UNDER_WATER = 3.0
-"""[m]"""
+"""[m] Depth below which a vehicle is under water"""
 DESCENT, CLIMB = 1, 2
-"""Flags of `measured_phase`"""
+"""Values of `measured_phase`"""
 LEVEL_RATE = 0.03
-"""[m/s] below which a vehicle turns or flies level, as the import's phases have it"""
+"""[m/s] Depth rate below which a vehicle turns or flies level, as in the import's phases"""
 
 
 class FlightEstimator(abc.ABC):
-    """A way to estimate how a logged vehicle moved through the water.
+    """Estimator of a logged vehicle's velocity through the water, an extension point.
 
-    Speed, track and currents are made of its velocities. The vertical velocity of the water always
-    is what the flight model of the vehicle leaves of the depth rate: an estimator that solves for
-    heave from the depth rate has nothing to say on it.
+    Speed, track and currents come from its velocities. The vertical velocity of the water is always
+    the flight model's depth rate minus the logged one: an estimator that solves for heave from the
+    depth rate cannot give it.
     """
 
     kind: ClassVar[str]
@@ -48,14 +48,14 @@ class FlightEstimator(abc.ABC):
     """One line for help texts and documents."""
 
     modelled: ClassVar[bool] = False
-    """Whether its speed is the flight model's, so that the depth rate tells its error."""
+    """True if the flight model gives the speed, so that the depth rate shows its error."""
 
     @classmethod
     def open(cls, argument: str) -> Self:
-        """Make one; `argument` is what stood behind the colon, empty without.
+        """Create the estimator; `argument` is the text after the colon, or empty.
 
         Raises:
-          InputError: an argument that it does not take.
+          InputError: an argument that the estimator does not take.
         """
         if argument:
             raise InputError(f"estimator {cls.kind!r} takes no argument, not {argument!r}")
@@ -68,28 +68,28 @@ class FlightEstimator(abc.ABC):
         """Velocity through the water, body FRD, at each of the log's samples.
 
         Args:
-          store: for signals that the log has not; `log.index` is its mission.
-          log: the dive, its density corrected.
+          store: for signals that the log lacks; `log.index` is its mission.
+          log: the dive, with corrected density.
           calibration: the vehicle and the errors of its sensors.
           start: surge, sway, heave [m/s] at the first sample, from depth rate and pitch.
 
         Raises:
-          StoreError: the store lacks a signal that it needs.
+          StoreError: the store lacks a signal that the estimator needs.
         """
 
 
 ESTIMATORS: Registry[type[FlightEstimator]] = seams.FLIGHT_ESTIMATORS
-"""Every way to the velocity through the water, by name."""
+"""All flight estimators by name."""
 
 register = ESTIMATORS.add
-"""Add a kind of one's own; usable as a decorator."""
+"""Add an estimator class; usable as a decorator."""
 
 
 def open_estimator(text: str) -> FlightEstimator:
-    """The estimator that a text such as "flight" or "network:runs/mine" names.
+    """Open the estimator that a text such as "flight" or "network:runs/mine" names.
 
     Raises:
-      InputError: an unknown kind, or an argument that it does not take.
+      InputError: an unknown name, or an argument that the estimator does not take.
     """
     kind, _, argument = text.partition(":")
     return ESTIMATORS[kind].open(argument)
@@ -106,7 +106,7 @@ class FlightModel(FlightEstimator):
     def motion(
         self, store: MissionStore, log: Log, calibration: Calibration, start: Velocity
     ) -> Translation:
-        """See `FlightEstimator.motion`; `start` plays no part in a balance."""
+        """See `FlightEstimator.motion`; the steady model ignores `start`."""
         return motion_of(log, calibration, "flight" if self.inertia else "steady", start=start)
 
 
@@ -120,32 +120,32 @@ class SteadyModel(FlightModel):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FlownDive:
-    """One mission; arrays are (time,), NaN where nothing is known."""
+    """Flight of one mission through the water; arrays are (time,), NaN where unknown."""
 
     mission: int
     """Row in the store."""
     motion: Translation | None
-    """Through the water, body FRD; None for a mission that no model can fly"""
+    """Velocity through the water, body FRD; None for a mission that no model can fly"""
     velocity: Array
-    """North, east through the water [m/s], (time, 2); zero where it is not known"""
+    """North, east through the water [m/s], (time, 2); zero where unknown"""
     depth: Array
-    """[m] as stored"""
+    """[m] Depth as stored"""
     water_up: Array
-    """[m/s] vertical velocity of the water, positive up, filtered as the log's depth rate"""
+    """[m/s] vertical velocity of the water, positive up, filtered like the log's depth rate"""
     sink_rate: Array
-    """[m/s] downward through the water by the flight model: the depth rate in still water"""
+    """[m/s] Downward velocity by the flight model: the depth rate in still water"""
     descending: Mask
-    """In a dive, away from its turns and the surface"""
+    """Samples of a descent, without turns and the surface"""
     ascending: Mask
-    """In a climb"""
+    """Samples of a climb, without turns and the surface"""
     ctd: CtdSeries | None
-    """Corrected; None without one"""
+    """CTD with its thermal lag corrected; None without a CTD"""
     known: float = 1.0
-    """[1] Part of the time under water in which the log has an attitude"""
+    """[1] Fraction of the time under water in which the log has an attitude"""
 
     @property
     def tells_current(self) -> bool:
-        """Whether its way through the water is known well enough for a current."""
+        """Whether the track through the water is known well enough for a current."""
         return self.motion is not None and self.known >= LEAST_KNOWN
 
 
@@ -160,12 +160,12 @@ def fly_dive(
     """Fly a vehicle through one dive of a log.
 
     Args:
-      store: of the dive.
+      store: the store of the dive.
       log: the dive.
       calibration: the vehicle and the errors of its sensors.
       estimator: for the velocity through the water.
-      raw: its CTD as stored, None without.
-      ctd: the same with its thermal lag corrected.
+      raw: the CTD as stored, None without one.
+      ctd: the CTD with its thermal lag corrected.
     """
     if raw is not None and ctd is not None and log.density is not None and ctd is not raw:
         change = np.nan_to_num(ctd.density - raw.density, nan=0.0)
@@ -205,7 +205,7 @@ def _known(store: MissionStore, mission: int) -> float:
 
 
 def still(store: MissionStore, mission: int, ctd: CtdSeries | None) -> FlownDive:
-    """A mission that no model can fly: it moved with the water."""
+    """Build a mission that no model can fly: the vehicle moves with the water."""
     count = int(store.samples[mission])
     unknown, no = np.full(count, np.nan), np.zeros(count, bool)
     return FlownDive(
@@ -222,7 +222,7 @@ def still(store: MissionStore, mission: int, ctd: CtdSeries | None) -> FlownDive
 
 
 def _heave(log: Log, calibration: Calibration, motion: Translation) -> Array:
-    """Heave [m/s] that the filtered depth rate leaves to an estimator without one."""
+    """Solve the filtered depth rate for heave [m/s], for an estimator without heave."""
     pitch, roll = calibration.true_pitch(log.pitch), log.roll
     sway = np.nan_to_num(motion.sway, nan=0.0)
     rest = log.depth_rate + motion.surge * np.sin(pitch) - sway * np.cos(pitch) * np.sin(roll)

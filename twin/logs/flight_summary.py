@@ -1,8 +1,8 @@
-"""Summary: what the vertical velocity of the water says of a flight model.
+"""Flight summary: vertical velocity of the water as a test of a flight model, and phase speeds.
 
-The ocean rises and sinks as often in dives as in climbs: their means part where the model errs.
+The ocean rises and sinks equally often in dives and climbs: unequal means show a model error.
 
-Phase speed: how much faster or slower than its model a vehicle goes down and up.
+A phase speed is the factor by which a vehicle is faster than its model in descents or climbs.
 """
 
 from __future__ import annotations
@@ -16,38 +16,38 @@ from numpy.typing import NDArray
 from twin.logs.flight_estimator import FlownDive
 
 MOST_APART, MOST_MEAN = 0.01, 0.015
-"""[m/s] Means of dives and climbs of an identified vehicle differ by less, and are smaller."""
+"""[m/s] Largest difference of the means of dives and climbs, and largest mean, of a good model"""
 BIN = 20.0
-"""[m]"""
+"""[m] Depth of a bin"""
 LEAST_SAMPLES = 30
-"""of the dives, and of the climbs, in a bin that counts"""
+"""Fewest samples of the dives, and of the climbs, in a bin that counts"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FlightSummary:
-    """Over all samples under water where the model holds; NaN without any."""
+    """Vertical water velocity over all samples where the model holds; NaN without any."""
 
     w_mean_dive: float
-    """[m/s] upward, mean over the dives"""
+    """[m/s] Mean over the dives, positive up"""
     w_mean_climb: float
-    """[m/s] over the climbs"""
+    """[m/s] Mean over the climbs, positive up"""
     w_deviation: float
-    """[m/s] standard deviation"""
+    """[m/s] Standard deviation over all samples"""
     depth_rate_rmse: float
-    """[m/s] depth rate observed less that of the model: the same with its mean"""
+    """[m/s] Root mean square of modelled minus observed depth rate, mean included"""
     samples: int
     w_profile_difference: float = float("nan")
-    """[m/s] largest mean of the dives less that of the climbs in a bin of depth, with its sign;
-    bins are `BIN` deep, or a tenth of the depths where that is less"""
+    """[m/s] Largest difference, with its sign, of the means of dives and climbs in a bin of depth;
+    bins are `BIN` deep, or a tenth of the depth range if that is less"""
 
     @property
     def suspect(self) -> bool:
-        """Whether the means part, or are so large, that the model is not this vehicle's."""
+        """Whether the means differ or are large enough to show that the model does not fit."""
         means = np.array([self.w_mean_dive, self.w_mean_climb])
         return bool(abs(means[0] - means[1]) > MOST_APART or (np.abs(means) > MOST_MEAN).any())
 
     def doubt(self, vehicle: str) -> str:
-        """Why the model of a vehicle of this name is not this vehicle's; empty where it may be."""
+        """Message that the vehicle does not fit the log; empty if it may fit."""
         if not self.suspect:
             return ""
         return (
@@ -57,7 +57,7 @@ class FlightSummary:
         )
 
     def describe(self) -> dict[str, float]:
-        """The figures with their units in the names."""
+        """Statistics by name; each name ends with its unit."""
         return {
             "w_mean_dive_m_s": self.w_mean_dive,
             "w_mean_climb_m_s": self.w_mean_climb,
@@ -68,7 +68,7 @@ class FlightSummary:
 
 
 def summarise(dives: Sequence[FlownDive]) -> FlightSummary:
-    """Figures over some dives."""
+    """Summarise the vertical water velocity over some dives."""
     every = np.concatenate([dive.water_up for dive in dives])
     down = np.concatenate([dive.descending for dive in dives])
     up = np.concatenate([dive.ascending for dive in dives])
@@ -88,7 +88,7 @@ def summarise(dives: Sequence[FlownDive]) -> FlightSummary:
 def _profile_difference(
     depth: np.ndarray, w: np.ndarray, down: np.ndarray, up: np.ndarray
 ) -> float:
-    """[m/s] Largest difference of the means, dives less climbs, over bins of depth."""
+    """[m/s] Largest difference of the means of dives and climbs over bins of depth."""
     both = down | up
     if not both.any():
         return float("nan")
@@ -115,26 +115,26 @@ def _mean(values: np.ndarray) -> float:
 Array = NDArray[np.float64]
 
 LEAST_RATE = 0.03
-"""[m/s] of the modelled depth rate below which a vehicle turns or flies level"""
+"""[m/s] Modelled depth rate below which a vehicle turns or flies level"""
 LASTS = 300.0
-"""[s] for which the sea's own vertical velocity lasts, internal waves near the buoyancy period"""
+"""[s] Correlation time of the water's vertical velocity: internal waves near the buoyancy period"""
 LIKELY = 0.15
-"""[1] standard deviation of a factor before the log is read: 100 g of ballast in 200 g"""
+"""[1] Prior standard deviation of a factor: 100 g of ballast error in 200 g"""
 LOWEST, HIGHEST = 0.6, 1.6
-"""[1] beyond which it is no error of ballast: the vehicle is another"""
+"""[1] Limits of a factor; a factor beyond them is no ballast error but another vehicle"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PhaseSpeed:
-    """Factors of the modelled speed."""
+    """Factors from modelled to observed speed."""
 
     descent: float
-    """[1]"""
+    """[1] Factor in descents"""
     climb: float
-    """[1]"""
+    """[1] Factor in climbs"""
 
     def scaled(self, dive: FlownDive) -> Array:
-        """North, east through the water [m/s] of a dive, (time, 2); in turns in between."""
+        """Scaled velocity north, east [m/s], (time, 2); turns get interpolated factors."""
         known = dive.descending | dive.ascending
         if not known.any():
             return dive.velocity
@@ -144,7 +144,7 @@ class PhaseSpeed:
 
 
 def phase_duration(dive: FlownDive, period: float) -> float | None:
-    """[s] Mean of a dive's descents and climbs; None without any."""
+    """[s] Mean duration of a dive's descents and climbs; None without any."""
     phase = dive.descending.astype(int) - dive.ascending.astype(int)
     held = phase[phase != 0]  # a turn lies between two phases
     if not held.size:
@@ -153,10 +153,10 @@ def phase_duration(dive: FlownDive, period: float) -> float | None:
 
 
 def phase_speed(dives: Sequence[FlownDive], period: float) -> PhaseSpeed:
-    """The factors of the dives of one deployment, 1 where they do not tell.
+    """Estimate the phase speeds from one deployment's dives; 1 if the data are too short.
 
     Args:
-      dives: whose velocity is a flight model's.
+      dives: dives whose velocity comes from a flight model.
       period: [s] between samples.
     """
     return PhaseSpeed(
@@ -166,7 +166,7 @@ def phase_speed(dives: Sequence[FlownDive], period: float) -> PhaseSpeed:
 
 
 def _factor(dives: Sequence[FlownDive], period: float, sign: float, phase: str) -> float:
-    """Observed by modelled depth rate, drawn to 1 as far as the sea's own motion hides it."""
+    """Ratio of observed to modelled depth rate, shrunk to 1 by the water's own motion."""
     modelled, water = [], []
     for dive in dives:
         use = getattr(dive, phase) & np.isfinite(dive.water_up) & np.isfinite(dive.sink_rate)

@@ -1,6 +1,6 @@
-"""Logged trajectory: missions of a log with the corrected track and the flight model's velocities.
+"""Logged missions: one trajectory with the corrected track and the flight model's velocities.
 
-Figures and films show it as they show a simulated mission; see `twin.records.logged`.
+Figures and films show it like a simulated mission; see `twin.records.logged`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ COPIED = (
     *("depth", "roll", "pitch", "heading", "roll_rate", "pitch_rate", "yaw_rate"),
     *("temperature", "salinity", "density"),
 )
-"""Measured signals that stand for the truth as they are, or corrected"""
+"""Measured signals that serve as true signals, unchanged or corrected"""
 CORRECTED, RECKONED = "corrected track", "dead-reckoned track"
 ON_BOARD, STRAIGHT = "on-board track", "straight line between fixes"
 STORED = {
@@ -41,22 +41,22 @@ STORED = {
     METHODS["depth_rate_and_pitch"]: CORRECTED,
     METHODS["straight_line"]: STRAIGHT,
 }
-"""Kind of track of a store's latitude and longitude, by how they were found"""
+"""Name of a track, by the method that gave a store's latitude and longitude"""
 DOPPLER, PROFILED, MODEL = "Doppler log", "current profiler", "flight model"
 PROFILER = "profiler's current"
 SIMULATED, LOGGED = "simulated truth", "reference of the log"
-"""Sources in logs of simulations, and of what a log brings itself"""
+"""Sources of `true_` signals in simulated logs, and of a log's own reference signals"""
 LAG_CORRECTED = f"{MEASURED}, thermal lag corrected"
 SAME = 2e-3
-"""[1], [kg/m3] that salinity and density may differ by from the stored ones, by rounding"""
+"""[1], [kg/m3] Largest rounding difference from the stored salinity and density"""
 MOST_LISTED = 6
-"""Deployments that a message names"""
+"""Most deployments that an error message lists"""
 BREAK = 1.5
-"""Periods between two missions from which lines break"""
+"""Gap between two missions, in sample periods, from which plotted lines break"""
 
 
 class _Part(NamedTuple):
-    """One mission: its signals, and what those of the truth are."""
+    """One mission: its signals, and the sources of its `true_` signals."""
 
     start: float
     time: Array
@@ -74,10 +74,10 @@ def logged_trajectory(
 
     Args:
       store: path of the store.
-      missions: which; several must belong to one deployment.
-      vehicle: as `estimate_flight` takes it: default the shipped one of the log's kind. A log of a
-        vehicle whose flight has no model has the store's latitude and longitude, corrected at the
-        fixes; in stores of earlier versions the track that it logged on board.
+      missions: rows of the store; several must belong to one deployment.
+      vehicle: as in `estimate_flight`; default the shipped vehicle of the log's type. For a vehicle
+        without a flight model, the track is the store's latitude and longitude, corrected at the
+        fixes. Stores of earlier versions give the track that was logged on board.
 
     Raises:
       StoreError: no store of logs, or no such mission. VehicleError: no such vehicle.
@@ -109,7 +109,7 @@ def logged_trajectory(
 
 
 def _ranges(rows: Sequence[int]) -> str:
-    """Rising mission numbers as --missions takes them, such as 0-9,11."""
+    """Increasing mission numbers as --missions takes them, such as 0-9,11."""
     runs: list[list[int]] = []
     for row in rows:
         if runs and row == runs[-1][-1] + 1:
@@ -122,7 +122,7 @@ def _ranges(rows: Sequence[int]) -> str:
 def _fly(
     store: str | StorePath, missions: list[int], vehicle: str | Path | Vehicle | None
 ) -> tuple[dict[int, MissionFlight], list[DiveCurrent], str | None, str]:
-    """The flight of the missions; or nothing and why, of a log that no shipped model flies."""
+    """Flight of the missions; or nothing and the reason, if no shipped model flies the log."""
     try:
         found = estimate_flight(store, vehicle, missions=missions)
     except InputError as error:
@@ -187,10 +187,10 @@ def _part(
 
 
 def _reference(name: str, logs: LogStore, profiled: bool) -> str:
-    """Source of a true_* signal that the log itself holds.
+    """Source of a `true_` signal that the log itself holds.
 
     Args:
-      profiled: whether the log holds currents, so that its velocities are a profiler's.
+      profiled: whether the log holds currents, so that its velocities come from a profiler.
     """
     if logs.simulated:
         return SIMULATED
@@ -202,7 +202,7 @@ def _reference(name: str, logs: LogStore, profiled: bool) -> str:
 
 
 def _track(logs: LogStore, mission: int, flown: MissionFlight | None) -> tuple[Array | None, str]:
-    """North and east [m] of a mission, (time, 2), and what they are; None where nothing says."""
+    """North and east [m] of a mission, (time, 2), and their source; None without a position."""
     if flown is not None:
         return flown.position, CORRECTED if len(flown.fixes) else RECKONED
     origin = logs.fixes(mission)[0]
@@ -221,9 +221,9 @@ def _track(logs: LogStore, mission: int, flown: MissionFlight | None) -> tuple[A
 
 
 def _join(parts: list[_Part], period: float, provenance: dict[str, object]) -> LoggedTrajectory:
-    """The missions one after the other, each moved to the frame of the first.
+    """Join the missions in order of time, each moved to the frame of the first.
 
-    Between two that do not touch stands one sample of NaN, at which lines break.
+    One sample of NaN stands between two missions with a gap: plotted lines break there.
     """
     first = parts[0]
     if len(parts) > 1 and not all(np.isfinite([one.start, *one.place]).all() for one in parts):
@@ -262,7 +262,7 @@ def _join(parts: list[_Part], period: float, provenance: dict[str, object]) -> L
 
 
 def _moved(one: _Part, first: _Part) -> dict[str, Array]:
-    """The signals of a mission in the frame of another."""
+    """Signals of a mission, moved to the frame of the first mission."""
     if one is first:
         return one.signals
     latitude, longitude = (np.float64(degrees) for degrees in one.place)
@@ -272,4 +272,4 @@ def _moved(one: _Part, first: _Part) -> dict[str, Array]:
 
 
 PLACES = ("true", "measured_gps", "measured_onboard")
-"""Prefixes of positions in the frame of a mission"""
+"""Prefixes of positions in a mission's frame"""

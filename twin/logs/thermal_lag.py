@@ -1,13 +1,13 @@
-"""Thermal lag: how much warmer or colder than its water a conductivity cell is, fitted.
+"""Thermal lag of a conductivity cell: temperature error, its fit, and the corrected CTD data.
 
-Conductivity is measured inside a cell whose walls give heat back to the water. Salinity, made of
-that conductivity and the temperature outside, then spikes where temperature changes: too fresh one
-way through a thermocline, too salty the other way. Morison et al. (1994, J. Atmos. Oceanic
-Technol. 11, 1151) filter the temperature to that of the cell with two numbers; Garau et al. (2011,
-J. Atmos. Oceanic Technol. 28, 1065) find them from a glider's own dives and climbs, whose
+Conductivity is measured inside a cell whose walls exchange heat with the water. Salinity comes from
+this conductivity and the temperature outside, and so spikes where temperature changes: too fresh
+in one direction through a thermocline, too salty in the other. Morison et al. (1994, J. Atmos.
+Oceanic Technol. 11, 1151) filter the temperature to that of the cell with two parameters. Garau et
+al. (2011, J. Atmos. Oceanic Technol. 28, 1065) fit them to a glider's dives and climbs, whose
 temperature and salinity should lie on one curve.
 
-CTD: temperature, conductivity, salinity and density of a dive, its thermal lag removed.
+`CtdSeries` holds a dive's CTD and gives conductivity, density and the corrected salinity.
 """
 
 from __future__ import annotations
@@ -24,39 +24,39 @@ from scipy.signal import lfilter
 Array = NDArray[np.float64]
 
 LARGEST_AMPLITUDE = 0.5
-"""Beyond it the filter is no cell's: unpumped cells have up to 0.3 (Garau et al. 2011)."""
+"""[1] Largest alpha of a cell: unpumped cells have up to 0.3 (Garau et al. 2011)."""
 SHORTEST, LONGEST = 2.0, 25.0
-"""[s] between which cells warm up; published ones take 5 to 25 s."""
+"""[s] Limits of tau; published values are 5 to 25 s."""
 FIRST_GUESS = (0.03, 10.0)
-"""Of a pumped glider CTD, near Sea-Bird's 0.06 and 10 s for the GPCTD at full rate."""
+"""Initial alpha [1] and tau [s] for a pumped CTD; Sea-Bird: 0.06 and 10 s for the GPCTD"""
 LEAST_RANGE = 1.0
-"""[K] of temperature that a dive and its climb must share: less shows no lag."""
+"""[K] Temperature range that a dive and its climb must share; a smaller range shows no lag."""
 LEAST_PAIRS = 3
-"""of a dive and a climb"""
+"""Fewest pairs of a dive and a climb for a fit"""
 MOST_PAIRS = 80
-"""that are compared, evenly chosen: more change nothing"""
+"""Most pairs that are compared, evenly chosen; more pairs do not change the result"""
 LEVELS = 50
-"""temperatures at which a dive and its climb are compared"""
+"""Number of temperatures at which a dive and its climb are compared"""
 LEAST_GAIN = 0.05
-"""Part by which the correction must bring dives and climbs together, or none is made."""
+"""[1] Least relative reduction of the difference of dives and climbs for a lag to be accepted."""
 NUDGE = 0.01
-"""[K] for the derivative of salinity"""
+"""[K] Temperature step for the derivative of salinity"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ThermalLag:
-    """The two numbers of a cell."""
+    """Parameters of a cell's thermal lag."""
 
     amplitude: float
-    """alpha: part of a step of temperature by which the cell is off at first"""
+    """[1] alpha: initial error of the cell's temperature, relative to a step of temperature"""
     time: float
-    """[s] tau, in which that dies out"""
+    """[s] tau: time constant with which the error decays"""
 
     def excess(self, temperature: Array, period: float) -> Array:
         """Temperature outside less that in the cell [K], (time,); Morison et al. (1994), eq. 5-7.
 
         Args:
-          temperature: [degree_Celsius] without holes, (time,).
+          temperature: [degree_Celsius] without gaps, (time,).
           period: [s] between samples.
         """
         nyquist = 0.5 / period
@@ -68,25 +68,25 @@ class ThermalLag:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Cast:
-    """One way through the water column, down or up; arrays are (time,), without holes."""
+    """One descent or climb through the water column; arrays are (time,), without gaps."""
 
     period: float
-    """[s]"""
+    """[s] Time between samples"""
     temperature: Array
-    """[degree_Celsius] of the whole dive: the lag remembers what was before"""
+    """[degree_Celsius] Temperature of the whole dive, since the lag depends on earlier samples"""
     salinity: Array
-    """as stored, of the whole dive"""
+    """Practical salinity of the whole dive, as stored"""
     slope: Array
-    """[1/K] change of salinity where the temperature changes and the conductivity does not"""
+    """[1/K] Derivative of salinity with respect to temperature at constant conductivity"""
     part: slice
-    """its samples"""
+    """Samples of the cast within the dive"""
 
 
 def fit_thermal_lag(pairs: Sequence[tuple[Cast, Cast]]) -> ThermalLag | None:
-    """The lag that brings dives and the climbs beside them together; None where none does.
+    """Fit the lag that minimises the difference of dives and climbs; None if no lag reduces it.
 
     Args:
-      pairs: a dive and the climb that follows or precedes it.
+      pairs: a dive and the climb after or before it.
     """
     able = [pair for pair in pairs if _shared(*pair) is not None]
     if len(able) < LEAST_PAIRS:
@@ -111,7 +111,7 @@ def _lag(x: Array) -> ThermalLag:
 
 
 def _shared(one: Cast, other: Cast) -> Array | None:
-    """Temperatures that both casts passed, off their ends; None where they share too few."""
+    """Temperatures that both casts passed, without the ends; None if they share too few."""
     a, b = one.temperature[one.part], other.temperature[other.part]
     low, high = max(a.min(), b.min()), min(a.max(), b.max())
     if high - low < LEAST_RANGE:
@@ -121,7 +121,7 @@ def _shared(one: Cast, other: Cast) -> Array | None:
 
 
 def _difference(pairs: Sequence[tuple[Cast, Cast]], lag: ThermalLag | None) -> float:
-    """Mean distance of the two salinities at one temperature, over all pairs."""
+    """Mean difference of the two salinities at equal temperature, over all pairs."""
     apart = []
     for pair in pairs:
         levels = _shared(*pair)
@@ -141,19 +141,19 @@ def _difference(pairs: Sequence[tuple[Cast, Cast]], lag: ThermalLag | None) -> f
 
 
 MS_PER_CM = 10.0
-"""gsw takes conductivity in mS/cm; 1 S/m is 10 of them."""
+"""Conductivity of 1 S/m in mS/cm, the unit of gsw"""
 LEAST_CAST = 10.0
-"""[m] of depth that a way down or up must pass to be compared"""
+"""[m] Depth range of a descent or climb that is compared"""
 LEAST_SAMPLES = 10
-"""of a cast"""
+"""Fewest samples of a cast"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CtdSeries:
-    """Samples of a dive's CTD, each (time,), NaN where it was silent."""
+    """CTD samples of a dive, each (time,), NaN where the CTD gave none."""
 
     period: float
-    """[s]"""
+    """[s] Time between samples"""
     depth: Array
     """[m]"""
     pressure: Array
@@ -161,7 +161,7 @@ class CtdSeries:
     temperature: Array
     """[degree_Celsius]"""
     salinity: Array
-    """practical"""
+    """Practical salinity"""
     latitude: float
     """[degree]"""
     longitude: float
@@ -169,26 +169,26 @@ class CtdSeries:
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """Where it spoke."""
+        """Samples at which the CTD measured."""
         return np.isfinite(self.temperature) & np.isfinite(self.salinity) & np.isfinite(self.depth)
 
     @property
     def conductivity(self) -> Array:
-        """[S/m] as measured: what salinity and temperature were made of."""
+        """[S/m] Conductivity as measured, computed from the stored salinity and temperature."""
         import gsw
 
         return np.asarray(gsw.C_from_SP(self.salinity, self.temperature, self.pressure)) / MS_PER_CM
 
     @property
     def density(self) -> Array:
-        """[kg/m3] in situ, TEOS-10."""
+        """[kg/m3] In-situ density, TEOS-10."""
         import gsw
 
         absolute = gsw.SA_from_SP(self.salinity, self.pressure, self.longitude, self.latitude)
         return np.asarray(gsw.rho_t_exact(absolute, self.temperature, self.pressure))
 
     def corrected(self, lag: ThermalLag | None) -> CtdSeries:
-        """A copy with the salinity of the water in the cell; itself without a lag."""
+        """Copy with the salinity at the cell's temperature; the series itself without a lag."""
         import gsw
 
         if lag is None or self.known.sum() < 2:
@@ -199,7 +199,7 @@ class CtdSeries:
         return dataclasses.replace(self, salinity=np.where(self.known, salinity, self.salinity))
 
     def casts(self) -> list[tuple[Cast, Cast]]:
-        """Each way down or up with the one after it."""
+        """Pairs of successive casts: a descent and the climb after it, or the reverse."""
         import gsw
 
         if self.known.sum() < LEAST_SAMPLES:
@@ -223,12 +223,12 @@ class CtdSeries:
 
 
 def common_lag(ctds: Sequence[CtdSeries]) -> ThermalLag | None:
-    """The thermal lag of the instrument that measured all these dives; None where none shows."""
+    """Fit the thermal lag of the instrument that measured all these dives; None if none shows."""
     return fit_thermal_lag([pair for ctd in ctds for pair in ctd.casts()])
 
 
 def ways(depth: Array) -> list[slice]:
-    """The ways down and up of a depth (time,), in order: between turns of `LEAST_CAST` or more."""
+    """Descents and climbs of a depth (time,), in order, between turns of `LEAST_CAST` or more."""
     turns, furthest, way = [0], 0, 0.0
     for k in range(1, len(depth)):
         if way == 0.0:
@@ -248,7 +248,7 @@ def ways(depth: Array) -> list[slice]:
 
 
 def _bridged(values: Array) -> Array:
-    """Values with holes interpolated in time; at least one must be finite."""
+    """Values with gaps interpolated in time; at least one value must be finite."""
     finite = np.isfinite(values)
     index = np.arange(len(values))
     return np.interp(index, index[finite], values[finite])

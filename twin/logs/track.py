@@ -1,12 +1,12 @@
-"""Tracks of a deployment: its fixes, and the way over ground by all of them.
+"""Tracks of a deployment: GPS fixes, frames of missions, and smoothed tracks over ground.
 
-A fix says where and when GPS found a vehicle within one mission of a store; a place is where on
-Earth the metres of the mission's frame are.
+`Fixes` holds the samples and positions at which GPS found a vehicle in one mission. `Place` holds
+the origin of the mission's frame on Earth.
 
-A current filter (`twin.navigation.current`) is led along the way through the water, from stay at
-the surface to stay, and smoothed. Between two fixes of a dive the current is then not constant, as
-a spread misclosure would have it: tide, eddies and the dives before and after tell it. The
-deviation is that of the smoother. Between fixes of one stay the track is linear.
+A current filter (`twin.navigation.current`) follows the track through the water from surface
+interval to surface interval, and is smoothed. The current between two fixes then varies with the
+tide, eddies and the neighbouring dives; a linearly spread misclosure would make it constant. The
+standard deviation is the smoother's. Between fixes of one surface interval the track is linear.
 """
 
 from __future__ import annotations
@@ -30,45 +30,45 @@ from twin.records.reader import MissionStore
 Array = NDArray[np.float64]
 
 GPS_DEVIATION = 5.0
-"""[m] standard deviation, north and east each, of a receiver whose antenna is in the waves."""
+"""[m] Standard deviation, north and east each, of a fix whose antenna is in the waves."""
 STAY = 300.0
-"""[s] between fixes of one stay at the surface; farther apart, a dive is between them"""
+"""[s] Longest time between two fixes of one surface interval; farther apart, a dive is between"""
 PIECES, LEAST_PIECE = 16, 20.0
-"""Steps of a dive in which the current is followed, and the shortest [s]"""
+"""Most steps of the current filter in a dive, and the shortest step [s]"""
 VELOCITY_SHARE = 0.012
-"""[1] of the speed through the water, north and east each: its error beyond those of scale and
-compass, which the filter knows; what is left of the difference of descents and climbs"""
+"""[1] Standard deviation of the velocity through the water over the speed, north and east each,
+beyond the errors of scale and compass: the remaining difference of descents and climbs"""
 SHEAR_SHARE = 0.2
-"""[1] of the scale of the currents, north and east each: what of a current goes with depth"""
+"""[1] Standard deviation of the current's change with depth over the mean current speed"""
 PHASE = 600.0
-"""[s] for which such an error lasts, where nobody knows how long descents and climbs are"""
+"""[s] Correlation time of that velocity error if the length of descents and climbs is unknown"""
 SPEED_SCALE, COMPASS = 0.03, 2.0
-"""[1], [degree] standard deviations of what is left in the speed of a model that the depth rate
-scales, and in a calibrated compass"""
+"""[1], [degree] Standard deviations of the remaining speed scale, in a model scaled by the depth
+rate, and of a calibrated compass"""
 ANYWHERE, LEAST_DEVIATION = 1e5, 1e-3
-"""[m] standard deviations of a place before the first fix, and of the origin by definition"""
+"""[m] Standard deviations of a position before the first fix, and of the origin of a track"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Fixes:
-    """The fixes of a mission, in order of time."""
+    """GPS fixes of a mission, in order of time."""
 
     sample: NDArray[np.intp]
-    """Index of the sample at which each was taken, (fix,), increasing."""
+    """Index of the sample of each fix, (fix,), increasing."""
     position: Array
     """North, east [m] from the mission's origin, (fix, 2)."""
     deviation: float = GPS_DEVIATION
-    """[m] north and east each"""
+    """[m] Standard deviation, north and east each"""
 
     def __len__(self) -> int:
         return len(self.sample)
 
 
 def fixes_of(store: MissionStore, mission: int) -> Fixes:
-    """The fixes of a mission of a store; none where it has no GPS.
+    """Read the fixes of a mission of a store; empty if the store has no GPS.
 
-    A simulated mission was launched at its origin: that place is known as a fix is, whether the
-    receiver had one by then or not.
+    A simulated mission starts at its origin: that place counts as a fix, even if the receiver had
+    none by then.
     """
     names = ("measured_gps_north", "measured_gps_east")
     if any(name not in store for name in names):
@@ -81,28 +81,28 @@ def fixes_of(store: MissionStore, mission: int) -> Fixes:
 
 
 def fixes_at(known: Array) -> Fixes:
-    """The fixes in positions [m], (time, 2), that are NaN where there is none."""
+    """Fixes from positions [m], (time, 2), which are NaN in samples without a fix."""
     sample = np.flatnonzero(np.isfinite(known).all(axis=1))
     return Fixes(sample=sample, position=known[sample])
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Place:
-    """The origin of a mission's frame [degree], NaN where the store does not say."""
+    """Origin of a mission's frame [degree], NaN where the store does not have it."""
 
     latitude: float
     longitude: float
     logged: bool
-    """Logs count metres along the meridian and the mean parallel, simulated missions fly in the
-    plane that touches at the origin (`twin.geodesy`)."""
+    """True for logs, whose metres follow the meridian and the mean parallel; simulated missions use
+    the tangent plane at the origin (`twin.geodesy`)."""
 
     @property
     def known(self) -> bool:
-        """Whether it is."""
+        """Whether the origin has a latitude and a longitude."""
         return bool(np.isfinite(self.latitude) and np.isfinite(self.longitude))
 
     def degrees(self, north: Array, east: Array) -> tuple[Array, Array]:
-        """Latitude and longitude [degree] of points [m] of the frame; NaN without an origin."""
+        """Latitude and longitude [degree] of points [m] in the frame; NaN without an origin."""
         if not self.known:
             return np.full_like(north, np.nan), np.full_like(east, np.nan)
         convert = position if self.logged else from_tangent_plane
@@ -111,12 +111,12 @@ class Place:
 
 
 def place_of(store: MissionStore, mission: int) -> Place:
-    """The place of one mission of a store."""
+    """Place of one mission of a store."""
     return places_of(store, [mission])[mission]
 
 
 def places_of(store: MissionStore, missions: Sequence[int]) -> dict[int, Place]:
-    """The places of these missions of a store."""
+    """Places of the missions of a store, by mission."""
     latitude, longitude = (numbers(store, n) for n in (START_LATITUDE, START_LONGITUDE))
     make = functools.partial(Place, logged=store.logged)
     return {
@@ -127,18 +127,18 @@ def places_of(store: MissionStore, missions: Sequence[int]) -> dict[int, Place]:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SmoothedWay:
-    """A mission's way through the water and its fixes."""
+    """Track of a mission through the water, and its fixes."""
 
     velocity: Array
     """North, east through the water [m/s], (time, 2)"""
     fixes: Fixes
     start: float
-    """[s] of its first sample, on a clock that the deployment shares; NaN where unknown"""
+    """[s] Time of the first sample, on the deployment's clock; NaN where unknown"""
     phase: float = PHASE
-    """[s] that a descent or a climb lasts"""
+    """[s] Duration of a descent or a climb"""
 
     def water(self, period: float) -> Array:
-        """North, east through the water since the first sample [m], (time, 2)."""
+        """Displacement north, east through the water since the first sample [m], (time, 2)."""
         return way_of(self.velocity, period)
 
 
@@ -148,15 +148,15 @@ def smoothed_tracks(
     latitude: float,
     parameters: CurrentParameters,
 ) -> list[tuple[Array, Array]]:
-    """Position north and east [m], (time, 2), and its deviation [m], each way, (time,), of each.
+    """Smooth tracks: position north, east [m], (time, 2), and its standard deviation [m], each.
 
-    At a fix the position is the fix. Without any fix a track begins at the origin.
+    At a fix the position is the fix. A track without fixes begins at the origin.
 
     Args:
-      ways: of one deployment.
+      ways: tracks through the water of one deployment.
       period: [s] between samples.
       latitude: [degree] of the deployment.
-      parameters: of the current, such as `track_parameters` finds.
+      parameters: of the current, such as those of `track_parameters`.
     """
     order = sorted(range(len(ways)), key=lambda k: (not np.isfinite(ways[k].start), ways[k].start))
     found: dict[int, tuple[Array, Array]] = {}
@@ -184,10 +184,10 @@ def smoothed_tracks(
 def track_parameters(
     records: Sequence[Sequence[SmoothedWay]], period: float, latitude: float
 ) -> CurrentParameters:
-    """The most likely parameters of the currents along ways.
+    """Fit the parameters of the currents along tracks by maximum likelihood.
 
     Args:
-      records: the ways of each deployment; those of one simulated mission are a record.
+      records: the tracks of each deployment; a simulated mission is a deployment of its own.
       period, latitude: as `smoothed_tracks`.
     """
     legs = []
@@ -203,7 +203,7 @@ def track_parameters(
 
 
 def stays(fixes: Fixes, period: float) -> list[tuple[int, int]]:
-    """Index of the first and the last fix of each stay at the surface."""
+    """Indices of the first and the last fix of each surface interval."""
     if not len(fixes):
         return []
     breaks = np.flatnonzero(np.diff(fixes.sample) * period >= STAY)
@@ -213,7 +213,7 @@ def stays(fixes: Fixes, period: float) -> list[tuple[int, int]]:
 
 
 def _legs(ways: Sequence[SmoothedWay], period: float) -> list[Leg]:
-    """The dives between stays of ways in order of time."""
+    """Dives between surface intervals, of tracks in order of time."""
     legs: list[Leg] = []
     for way in ways:
         water, fixes = way.water(period), way.fixes
@@ -235,7 +235,7 @@ def _legs(ways: Sequence[SmoothedWay], period: float) -> list[Leg]:
 
 
 def _lead(filter_: CurrentFilter, way: SmoothedWay, period: float) -> list[tuple[int, int]]:
-    """Lead a filter along a way; samples and the nodes of the record that belong to them."""
+    """Step a filter along a track; return samples and the nodes of the filter's record at them."""
     water, fixes = way.water(period), way.fixes
     found = stays(fixes, period)
     end = len(water) - 1
@@ -287,7 +287,7 @@ def _collect(
     track: SmoothedTrack,
     period: float,
 ) -> None:
-    """Positions of all samples from the nodes of a smoothed record."""
+    """Interpolate the positions of all samples from the nodes of a smoothed record."""
     for k in dict.fromkeys(way for way, _, _ in knots):
         own = [(sample, node) for way, sample, node in knots if way == k]
         samples, nodes = np.array(own).T
@@ -299,7 +299,7 @@ def _collect(
         variance = 0.5 * np.trace(track.position_covariance[nodes], axis1=1, axis2=2)
         fixes = way.fixes
         if len(fixes):
-            # what the smoother leaves of a fix is spread over the dive, so that every fix is met
+            # the residuals at the fixes are interpolated in time, so that the track meets each fix
             at = np.stack([np.interp(fixes.sample, samples, axis) for axis in moved.T], axis=1)
             left = fixes.position - water[fixes.sample] - at
             every = np.unique(np.concatenate([samples, fixes.sample]))

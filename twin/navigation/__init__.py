@@ -1,4 +1,4 @@
-"""Navigation: where a vehicle is, estimated on board under way and from its record afterwards."""
+"""Navigation: a vehicle's position, estimated on board under way or from its record later."""
 
 from typing import TYPE_CHECKING
 

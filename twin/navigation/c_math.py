@@ -1,13 +1,13 @@
-"""C text: features sample by sample in C99, and float32 arithmetic for small processors.
+"""C text of features, sample by sample in C99, and float32 arithmetic for small processors.
 
-The elementary functions are the text's own: those of C libraries compute in double inside, or
-differ from one to the next. They are within two units of the last digit. Pairs are a value and its
-change, so that a small difference of large numbers is not one of roundings.
+The text has its own elementary functions, because C libraries differ and some compute in double.
+Their error is at most two units of the last digit. A `gt_pair` holds a value and its change, so
+that a small difference of large numbers is not lost by rounding.
 
-Features have the same terms and windows as `FeatureSteps`, in float32 throughout, which small
-processors compute in hardware. A slope is made of the changes from sample to sample, which float32
-holds exactly: depth itself it holds to 0.06 mm at 1000 m. A feature that combines terms says in its
-field `c` how C does.
+Features have the terms and windows of `FeatureSteps`, all in float32, which small processors
+compute in hardware. A slope is computed from the changes between samples, which float32 holds
+exactly; depth itself is held to 0.06 mm at 1000 m. A feature that combines terms gives its C
+expression in its field `c`.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ from twin.errors import InputError
 from twin.navigation.features.base import Feature, feature, slope_weights
 
 PER_LINE = 8
-"""Numbers in a line of a table."""
+"""Numbers in one line of a C table."""
 
 
 def number(value: float) -> str:
-    """A float32 constant, exact."""
+    """C constant that is exactly the float32 of `value`."""
     text = f"{np.float32(value):.9g}"
     return f"{text if set(text) & set('.e') else text + '.0'}f"
 
 
 def braced(values: Iterable[float]) -> str:
-    """Numbers of an array in C, some to a line."""
+    """C initialiser of an array, `PER_LINE` numbers to a line."""
     flat = [number(v) for v in values]
     lines = [", ".join(flat[k : k + PER_LINE]) for k in range(0, len(flat), PER_LINE)]
     return "{" + ",\n    ".join(lines) + "}"
 
 
 def table(name: str, values: Iterable[float]) -> str:
-    """An array of constants, float32 to the bit."""
+    """C array of constants, exact in float32."""
     return f"static const float {name}[] = {braced(values)};"
 
 
@@ -196,7 +196,7 @@ SHAPED = {
     "cosine": f"gt_cosine({{value}} * {DEGREE})",
     "angle": f"gt_turned({{value}} * {DEGREE}, {{before}}, state->count)",
 }
-"""Expression of a reading that goes into its window, by the term's shape."""
+"""C expression of the value that enters a window, by the term's shape."""
 
 FEATURES_PRELUDE = """\
 /* The angle [rad] next to the one before, without the jump at a full turn. */
@@ -243,26 +243,26 @@ static inline float gt_mean(const float *end, int length, int count)
 
 
 class CFeatures(NamedTuple):
-    """Features in C."""
+    """C text of features, with the sizes that it needs."""
 
     channels: tuple[str, ...]
-    """Schema variables that `sample` has, in this order."""
+    """Schema variables that `sample` must have, in this order."""
     windows: int
-    """Numbers of `state->window`."""
+    """Length of `state->window`, in numbers."""
     longest: int
-    """Samples after which `state->count` need not rise."""
+    """Sample count at which `state->count` may stop rising."""
     functions: str
-    """Functions that the statements call, beside `FEATURES_PRELUDE`."""
+    """Functions that the statements call, in addition to `FEATURES_PRELUDE`."""
     statements: str
-    """From `sample` and `state` to `feature[...]`; `state->count` is how many samples there were
-    before this one."""
+    """Statements that set `feature[...]` from `sample` and `state`; `state->count` is the number
+    of earlier samples."""
 
 
 def c_features(features: Sequence[str | Feature], period: float) -> CFeatures:
-    """Features in C, with one sample every `period` [s].
+    """Write features in C, for one sample every `period` [s].
 
     Raises:
-      InputError: a feature does not say how it is computed in C.
+      InputError: a feature has no C expression.
     """
     found = [feature(f) if isinstance(f, str) else f for f in features]
     for lacking in (f for f in found if f.combine is not None and not f.c):
@@ -280,7 +280,7 @@ def c_features(features: Sequence[str | Feature], period: float) -> CFeatures:
         window, last = f"state->window + {place}, {length}", f"state->window[{place + length - 1}]"
         value = SHAPED[shape].format(value=f"sample->{channel}", before=last)
         call = "gt_push"
-        if changes and shape == "angle":  # in degrees, whose differences are exact
+        if changes and shape == "angle":  # in degrees, whose differences float32 holds exactly
             call, value = "gt_change", f"sample->{channel}, 360.0f"
         elif changes:
             call, value = "gt_change", f"{value}, 0.0f"
@@ -293,7 +293,7 @@ def c_features(features: Sequence[str | Feature], period: float) -> CFeatures:
         end, samples = ends[term.channel, term.shape, term.look == "slope"], term.samples(period)
         if term.look == "slope":
             name = f"{'turn' if term.shape == 'angle' else 'slope'}_{samples}"
-            # of the last value less each, which is made of the changes between them
+            # weights of the changes between samples that give the slope of the values
             weights = -np.cumsum(slope_weights(samples, period))[:-1]
             weights = np.deg2rad(weights) if term.shape == "angle" else weights
             tables[name] = table(name, weights)

@@ -1,8 +1,8 @@
 """Channel guard: reject samples outside a channel's limits or rate before they reach a state.
 
-A sample is held to the limits of its channel and to what the channel can reach from its last good
-value. What is missing, not finite, impossible or out of reach gives way to that last value, until
-the channel is good again: the longer it has been silent, the farther it may have gone.
+A sample must lie within its channel's limits, and within reach of the last good value. If it is
+missing, not finite, outside the limits or out of reach, the last good value replaces it. The reach
+grows with the time since the last good value.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from twin.records.schema import variable
 from twin.records.schema.limits import recorded_limits
 
 FAR = 1e30
-"""of a reach without an end, which float32 has too"""
+"""Infinite reach, as a number that float32 can hold"""
 
 
 class ChannelReach(NamedTuple):
@@ -29,13 +29,13 @@ class ChannelReach(NamedTuple):
     rate: float = FAR
     """Fastest change per second, in the channel's unit"""
     jump: float = FAR
-    """Change by noise, quantisation and a late answer"""
+    """Additional change by noise, quantisation and a late reading"""
 
 
 REACHES = {
     # the fastest vehicles dive with 3 m/s; a wave lifts one that floats
     "m": ChannelReach(rate=5.0, jump=10.0),
-    # a front or a halocline that is crossed
+    # crossing a front or a halocline
     "kg m-3": ChannelReach(rate=3.0, jump=6.0),
     "degree_Celsius": ChannelReach(rate=3.0, jump=6.0),
     # a hull that is hit or turned by hand
@@ -44,14 +44,14 @@ REACHES = {
     # the largest pumps of real gliders
     "cm3": ChannelReach(rate=200.0, jump=600.0),
 }
-"""Reaches of measured channels by unit; commands step, and angles go round"""
+"""Reaches of measured channels, by unit; commands and angles may jump and have none"""
 
 
 class ChannelGuard:
-    """The last good value of each channel, and how long ago it was."""
+    """Guard that keeps each channel's last good value and its age."""
 
     def __init__(self, channels: Sequence[str], period: float):
-        """Begin before the first sample; `period` [s] between samples."""
+        """Start before the first sample; `period` [s] is the time between samples."""
         self.channels = tuple(channels)
         self.period = period
         units = ["" if c.startswith("commanded_") else variable(c).units for c in self.channels]
@@ -62,17 +62,17 @@ class ChannelGuard:
         self.reset()
 
     def reset(self) -> None:
-        """Begin before the first sample."""
+        """Return to the state before the first sample."""
         self._last = [math.nan] * len(self.channels)
-        self._age = [0] * len(self.channels)  # samples since the good one; 0: there was none
+        self._age = [0] * len(self.channels)  # samples since the good one; 0: none so far
         self.held: tuple[str, ...] = ()
-        """Channels whose last good value stands for the sample's"""
+        """Channels whose last good value replaced the sample's value"""
 
     def step(self, sample: Mapping[str, float]) -> dict[str, float] | None:
-        """The values to go on with; None: a channel has had no good value yet.
+        """Accept a sample and return good values; None until every channel has had a good value.
 
         Args:
-          sample: of `channels`, in the schema's units; one that is missing counts as NaN.
+          sample: values of `channels`, in the schema's units; a missing value counts as NaN.
         """
         held = []
         for k, (name, row) in enumerate(zip(self.channels, self._rows, strict=True)):
@@ -90,14 +90,14 @@ class ChannelGuard:
         return dict(zip(self.channels, self._last, strict=True)) if all(self._age) else None
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Arrays by name on which the next step depends."""
+        """Arrays by name that determine the next step."""
         return {"last": np.array(self._last), "age": np.array(self._age, np.float64)}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from where `state` was called.
+        """Continue from the state that `state` returned.
 
         Raises:
-          InputError: it is of other channels.
+          InputError: the state belongs to other channels.
         """
         last, age = (np.asarray(state.get(name, ())) for name in ("last", "age"))
         if last.shape != age.shape or last.shape != (len(self.channels),):
@@ -105,9 +105,9 @@ class ChannelGuard:
         self._last, self._age = last.tolist(), [int(a) for a in age]
 
     def c_statements(self) -> str:
-        """Statements in C99 that put good values in `sample`, and return 0 before there are some.
+        """C99 statements that put good values in `sample`, or return 0 until all channels have one.
 
-        It needs `float last[n], age[n]; int held;` in `state`, and C_PRELUDE.
+        They need `float last[n], age[n]; int held;` in `state`, and C_PRELUDE.
         """
         calls = (
             f"seen &= gt_kept(&kept.{name}, &state->last[{k}], &state->age[{k}], "

@@ -1,19 +1,19 @@
-"""Compass deviation: the error of the heading by the vehicle's own iron, learned from its turns.
+"""Compass deviation: heading error by the vehicle's own iron, estimated from turns and the gyros.
 
-A hard iron b (body axes, in units of the horizontal field) and a soft iron D, E make a levelled
-compass show too little by
+With a hard iron b (body axes, in units of the horizontal field) and a soft iron D, E, a levelled
+compass shows the heading too small by
 
     a = b_x cos(pitch) sin(psi) + b_y (cos(roll) cos(psi) + sin(pitch) sin(roll) sin(psi))
         + b_z (sin(pitch) cos(roll) sin(psi) - sin(roll) cos(psi)) + D sin(2 psi) + E cos(2 psi),
 
-to first order. It depends on the heading; the heading by the gyros alone does not. Their difference
-is a, plus a constant, plus what bias and scale of the gyros add up to: in a turn it changes by the
-change of a. A Kalman filter holds all of these; measured pitch tells the bias of the pitch gyro,
-which a roll in a turn brings into the heading. The mean of a over all headings, the compass'
-offset, cannot be told from the constant: only fixes tell it (`twin.navigation.current`).
+to first order. This error depends on the heading; the heading integrated from the gyros lacks it.
+Their difference is a, plus a constant, plus the effect of the gyros' bias and scale: in a turn it
+changes as a does. A Kalman filter estimates all of these. Measured pitch gives the bias of the
+pitch gyro, which enters the heading when the vehicle rolls in a turn. Only fixes give the mean of a
+over all headings, the compass' offset (`twin.navigation.current`).
 
-What a turn teaches holds for the way before it, too: the navigator keeps how its position depends
-on each of the five numbers.
+An estimate after a turn also corrects the track before the turn: the navigator keeps the position's
+sensitivity to the five iron parameters.
 """
 
 from __future__ import annotations
@@ -30,40 +30,40 @@ from twin.numbers import Array
 
 DEG = math.pi / 180.0
 IRON = 5
-"""Numbers of the deviation: b_x, b_y, b_z, D, E [rad]"""
+"""Number of iron parameters: b_x, b_y, b_z, D, E [rad]"""
 ANGLE, YAW, PITCH, WANDER, SCALE = range(IRON, IRON + 5)
-"""Behind them: offset of the gyros' heading [rad]; biases that stay of the yaw and the pitch gyro,
-and that of the yaw gyro that comes and goes [rad/s]; error of their scale [1]"""
+"""Indices of the other states: offset of the gyros' heading [rad]; constant biases of the yaw and
+pitch gyros, and varying bias of the yaw gyro [rad/s]; relative error of the gyros' scale [1]"""
 STATES = IRON + 5
 ARRAYS = ("mean", "covariance", "sums", "passed", "before")
 """Arrays of a filter's state, by name"""
 HARD, SOFT = 0.75 * DEG, 0.3 * DEG
-"""[rad] standard deviations of a calibrated compass: about 1 degree or less (OceanGliders'
-procedure for depth-averaged currents)"""
+"""[rad] Prior standard deviations of hard and soft iron after a calibration: about 1 degree or less
+(OceanGliders' procedure for depth-averaged currents)"""
 TURN_ON = 0.1 * DEG
-"""[rad/s] of the gyros' bias before anything is known"""
+"""[rad/s] Prior standard deviation of the gyros' constant bias"""
 INSTABILITY, INSTABILITY_TIME = 13.0 * DEG / 3600.0, 100.0
-"""[rad/s], [s] of the bias that comes and goes: MEMS gyros with a floor of 8 degree an hour"""
+"""[rad/s], [s] Standard deviation and correlation time of the varying bias; MEMS: 8 degree/h"""
 BIAS_WALK = 1e-4 * DEG
-"""[rad/s/sqrt(s)]"""
+"""[rad/s/sqrt(s)] Random walk of the constant biases"""
 ANGLE_WALK = 0.01 * DEG
-"""[rad/sqrt(s)] twice that of their data sheets, for what sampled rates miss"""
+"""[rad/sqrt(s)] Random walk of the angle: twice the data sheets' value, for sampling errors"""
 SCALE_ERROR = 2e-3
-"""[1] of a gyro, and of its axis that is not the vehicle's"""
+"""[1] Prior standard deviation of a gyro's scale, with its misalignment to the vehicle's axes"""
 NOISE = 1.0 * DEG
-"""[rad] of the compass' heading, mean over `STEP_S`: 0.3 degree, by what dives and climbs make of
-soft iron, battery and tilt, that last for two minutes, as if each mean had an error of its own"""
+"""[rad] Standard deviation of the compass heading's mean over `STEP_S`. The error is 0.3 degree
+(soft iron, battery, tilt) but lasts two minutes; this value treats the means as independent."""
 PITCH_NOISE = 0.4 * DEG
-"""[rad] of the change of the measured pitch in that time, with what a gyro off its axis sees"""
+"""[rad] Standard deviation of the pitch change over `STEP_S`, with the gyro's misalignment"""
 STEP_S = 20.0
-"""[s] between updates"""
+"""[s] Time between updates"""
 
 
 def sensitivities(roll: float, pitch: float, heading: float) -> Array:
-    """Change of the true heading less the shown one with each of the five numbers, (5,) [1].
+    """Sensitivities of true minus shown heading to the five iron parameters, (5,) [1].
 
     Args:
-      roll, pitch, heading: as they are measured [rad].
+      roll, pitch, heading: measured [rad].
     """
     s_roll, c_roll = math.sin(roll), math.cos(roll)
     s_pitch, c_pitch = math.sin(pitch), math.cos(pitch)
@@ -80,52 +80,52 @@ def sensitivities(roll: float, pitch: float, heading: float) -> Array:
 
 
 class CompassDeviation:
-    """The deviation of one vehicle's compass, sample by sample."""
+    """Filter for one compass' deviation, stepped sample by sample."""
 
     def __init__(self, period: float):
-        """Begin before the first sample; `period` [s] between samples."""
+        """Start before the first sample; `period` [s] is the time between samples."""
         self.period = period
         self._samples = max(1, round(STEP_S / period))
         self.reset()
 
     def reset(self) -> None:
-        """Begin before the first sample again, with a compass as it is usual."""
+        """Return to the state before the first sample, with the prior of a calibrated compass."""
         self._mean = np.zeros(STATES)
         deviations = [HARD] * 3 + [SOFT] * 2 + [math.pi, TURN_ON, TURN_ON, INSTABILITY, SCALE_ERROR]
         self._covariance = np.diag(np.square(deviations))
         # heading and pitch, and their rates by the gyros
         self._before = np.full(4, math.nan)
-        self._parted = self._turned = 0.0  # gyros less compass, and turned by the gyros, so far
+        self._parted = self._turned = 0.0  # gyros minus compass, and turn by the gyros
         self._begin()
 
     def _begin(self) -> None:
-        """Begin the next mean."""
+        """Start the next mean."""
         self._count = 0
         self._from = self._turned
         # sums over a mean: sensitivities to the iron, `_parted`, `_turned`, and the two effects
-        # of gyro biases that `_passed` begins with
+        # of gyro biases at the start of `_passed`
         self._sums = np.zeros(IRON + 4)
-        # so far: what unit biases of both gyros add to the heading [s]; the gyros' pitch less the
-        # measured one [rad], and what the unit biases add to it [s]
+        # since the start of the mean: heading added by unit biases of both gyros [s]; pitch by the
+        # gyros minus measured pitch [rad], and pitch added by the unit biases [s]
         self._passed = np.zeros(5)
 
     @property
     def iron(self) -> Array:
-        """b_x, b_y, b_z, D, E as they are known [rad], (5,)."""
+        """Estimates of b_x, b_y, b_z, D, E [rad], (5,)."""
         return self._mean[:IRON].copy()
 
     @property
     def iron_deviation(self) -> Array:
-        """Standard deviation of each [rad], (5,)."""
+        """Standard deviation of each iron parameter [rad], (5,)."""
         return np.sqrt(np.diag(self._covariance)[:IRON])
 
     def step(self, roll: float, pitch: float, heading: float, rates: Array) -> Array:
-        """Take a sample; the `sensitivities` of it.
+        """Process a sample and return its `sensitivities`.
 
         Args:
-          roll, pitch, heading: as they are measured [rad].
-          rates: pitch and yaw rate that the gyros measure [rad/s], (2,); NaN: there are none, and
-            nothing is learned.
+          roll, pitch, heading: measured [rad].
+          rates: pitch and yaw rate by the gyros [rad/s], (2,); NaN without gyros, which leaves the
+            estimate unchanged.
         """
         found = sensitivities(roll, pitch, heading)
         s_roll, c_roll, c_pitch = math.sin(roll), math.cos(roll), math.cos(pitch)
@@ -133,7 +133,7 @@ class CompassDeviation:
         by_pitch, by_yaw = s_roll * level, c_roll * level
         q, r = rates.tolist()
         seen = np.array([heading, pitch, by_pitch * q + by_yaw * r, q * c_roll - r * s_roll])
-        if not math.isfinite(seen[2] + self._before[2]):  # where the gyros' heading is, is lost
+        if not math.isfinite(seen[2] + self._before[2]):  # the gyros' heading is lost
             self._covariance[ANGLE, :] = self._covariance[:, ANGLE] = 0.0
             self._covariance[ANGLE, ANGLE] = math.pi**2
             self._begin()
@@ -158,7 +158,7 @@ class CompassDeviation:
         return found
 
     def _update(self) -> None:
-        """Pass the time of a mean, and compare gyros with compass and pitch."""
+        """Propagate the filter over a mean; update with compass heading and measured pitch."""
         count = self._count
         time, turned = count * self.period, self._turned - self._from
         yawed, pitched, off, off_by_yaw, off_by_pitch = self._passed.tolist()
@@ -196,12 +196,12 @@ class CompassDeviation:
         self._covariance = covariance + deviation**2 * np.outer(gain, gain)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Arrays by name on which the next step depends."""
+        """Arrays by name that determine the next step."""
         own = np.array([self._parted, self._turned, self._from, self._count])
         return {name: getattr(self, f"_{name}").copy() for name in ARRAYS} | {"own": own}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from where `state` was called."""
+        """Continue from the state that `state` returned."""
         for name in ARRAYS:
             setattr(self, f"_{name}", np.array(state[name], np.float64))
         self._parted, self._turned, self._from, count = (float(x) for x in state["own"])

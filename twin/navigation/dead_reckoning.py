@@ -1,13 +1,13 @@
-"""Dead reckoning: from surge, sway, attitude and depth to a horizontal track.
+"""Dead reckoning: horizontal tracks from surge, sway, attitude and depth.
 
-The paper's equations (2) and (3), with two repairs: heave is solved from the vertical row with the
-given surge and sway instead of from the depth rate alone, and the east row has its heave term.
-Integration is trapezoidal. What comes out is the track THROUGH THE WATER. Angles are radians here;
-stores hold degrees, `AttitudeSeries.of` converts. Beside it stand averages, gaps and stays at the
-surface in measured channels, which several methods share.
+The equations are the paper's (2) and (3), with two repairs: heave is solved from the vertical row
+with the given surge and sway instead of from the depth rate alone, and the east row has its heave
+term. Integration is trapezoidal. The result is the track THROUGH THE WATER. Angles are radians
+here; stores hold degrees, and `AttitudeSeries.of` converts them. The module also has moving
+averages, gap filling and surface detection for measured channels, which several methods share.
 
-A steady uniform current leaves no trace in relative sensors, so a track over ground is a track
-through the water plus an assumption about the current:
+A steady uniform current cannot be observed from sensors that move with the water. A track over
+ground is therefore a track through the water plus an assumption about the current:
 
 - `none`: the water stands still;
 - `previous`: the depth-averaged current of the dive before, as gliders fly;
@@ -39,16 +39,16 @@ Signals = Mapping[str, Array]
 """Channels (time,) of one mission by schema name; angles in degrees as stored."""
 
 LEAST_COSINE = 0.2
-"""cos(pitch) cos(roll) below which the solved heave is damped: the body's z axis is then within
+"""[1] cos(pitch) cos(roll) below which the solved heave is damped: the body's z axis is then within
 12 degrees of the horizontal, and the depth rate says little about heave."""
 SURFACE_DEPTH = 1.0
-"""[m] above this a vehicle counts as afloat: it drifts and makes no way through the water."""
+"""[m] Depth above which a vehicle is afloat: it drifts and has no speed through the water."""
 SHALLOW_DEPTH = 3.0
-"""[m] above this it does when its depth rests too: pressure gauges are off by a metre or two."""
+"""[m] Depth above which a vehicle at rest is afloat: pressure gauges are off by a metre or two."""
 RESTING_RATE = 0.02
-"""[m/s] of depth, averaged: a tenth of the slowest glide."""
+"""[m/s] Averaged depth rate below which the depth is at rest: a tenth of the slowest glide."""
 RESTING_WINDOW_S = 10.0
-"""[s] of that average."""
+"""[s] Window of that average."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -71,7 +71,7 @@ class AttitudeSeries:
     def of(
         cls, signals: Signals, source: Literal["measured", "true"] = "measured"
     ) -> AttitudeSeries:
-        """The attitude that was measured, or the true one.
+        """Read the measured or the true attitude.
 
         Raises:
           StoreError: a channel is missing or not finite (named).
@@ -81,10 +81,10 @@ class AttitudeSeries:
 
 
 def finite_channel(signals: Signals, name: str) -> Array:
-    """A channel that must be there and finite, as float64 (time,).
+    """Read a required channel as float64 (time,), all finite.
 
     Raises:
-      StoreError: it is missing, or holds a value that is not finite; the sample is named.
+      StoreError: the channel is missing, or not finite; the first such sample is named.
     """
     if name not in signals:
         raise StoreError(f"the mission has no channel {name}")
@@ -101,14 +101,14 @@ def finite_channel(signals: Signals, name: str) -> Array:
 def values_of(
     sample: Mapping[str, float], names: Iterable[str], readers: str, wrong: str = ""
 ) -> list[float]:
-    """Values of a sample by name.
+    """Read values of a sample by name.
 
     Args:
-      readers: end of the message on a channel that is missing.
-      wrong: end of the message on a value that is not finite; empty: it may be.
+      readers: end of the error message for a missing channel.
+      wrong: end of the error message for a value that is not finite; empty accepts such values.
 
     Raises:
-      InputError: a channel is missing or not finite.
+      InputError: a channel is missing, or not finite where `wrong` is given.
     """
     try:
         found = {name: float(sample[name]) for name in names}
@@ -121,9 +121,9 @@ def values_of(
 
 
 def no_glider(vehicle: Vehicle) -> str:
-    """Why a vehicle does not glide by lift and drag coefficients; empty: it does.
+    """Reason why a vehicle does not glide by lift and drag coefficients; empty if it does.
 
-    For methods that take a glider's balance of forces for granted.
+    Methods that assume a glider's balance of forces call this.
     """
     if vehicle.steered("speed") is not None:
         return f"vehicle {vehicle.name!r} has a propeller: it does not glide"
@@ -138,7 +138,7 @@ def no_glider(vehicle: Vehicle) -> str:
 
 
 def afloat(depth: Array, period: float) -> Mask:
-    """Where a vehicle with this measured depth [m] lies at the surface, (time,)."""
+    """Samples at which a vehicle with this measured depth [m] is at the surface, (time,)."""
     rate = smooth(depth_rate(depth, period), RESTING_WINDOW_S, period)
     resting = (depth < SHALLOW_DEPTH) & (np.abs(rate) < RESTING_RATE)
     return resting | (depth < SURFACE_DEPTH)
@@ -157,16 +157,16 @@ def smooth(values: Array, seconds: float, period: float) -> Array:
 
 
 def hold(values: Array, valid: Mask, initial: float = 0.0) -> Array:
-    """The last valid value at each sample, `initial` before the first; (time,)."""
+    """Last valid value at each sample, `initial` before the first; (time,)."""
     last = np.maximum.accumulate(np.where(valid, np.arange(len(values)), -1))
     return np.where(last >= 0, values[np.maximum(last, 0)], initial)
 
 
 def bridge(values: Array, valid: Mask, outside: float = 0.0, *, held: bool = False) -> Array:
-    """Values with the samples that are not valid interpolated in between; (time,).
+    """Values with the invalid samples interpolated; (time,).
 
-    Before the first and after the last valid sample, and without any, `outside`; with `held` the
-    last valid value after it.
+    `outside` fills the samples before the first and after the last valid one, or all without any.
+    With `held`, the last valid value fills the samples after it.
     """
     index = np.arange(len(values))
     if not valid.any():
@@ -181,7 +181,7 @@ def sample_times(samples: int, period: float) -> Array:
 
 
 def depth_rate(depth: Array, period: float) -> Array:
-    """Rate of the depth [m/s], central differences, one-sided at both ends.
+    """Depth rate [m/s], by central differences, one-sided at both ends.
 
     Args:
       depth: [m], (time,), at least two samples.
@@ -193,14 +193,14 @@ def depth_rate(depth: Array, period: float) -> Array:
 def heave_from_depth_rate(
     depth_rate: Array, surge: Array, sway: Array, roll: Array, pitch: Array
 ) -> Array:
-    """Heave [m/s], body FRD, that makes the depth change as it does; (time,).
+    """Solve the depth rate for heave [m/s], body FRD, (time,).
 
     Solves the vertical row of the kinematics (paper eq. 2; Fossen 2011, eq. 2.33),
 
         z' = -u sin(theta) + v cos(theta) sin(phi) + w cos(theta) cos(phi),
 
-    for w. Below `LEAST_COSINE` the quotient is replaced by a damped one that fades to zero.
-    Through the water in still water; a vertical current goes into w.
+    for w. Below `LEAST_COSINE` the quotient is replaced by a damped one that fades to zero. The
+    result is the velocity through the water in still water; a vertical current adds to w.
     """
     cosine = np.cos(pitch) * np.cos(roll)
     rest = depth_rate + surge * np.sin(pitch) - sway * np.cos(pitch) * np.sin(roll)
@@ -208,7 +208,7 @@ def heave_from_depth_rate(
 
 
 def rotate_to_ned(velocity: Array, attitude: AttitudeSeries) -> Array:
-    """Body velocities (time, 3) FRD to NED (time, 3); the full ZYX rotation (Fossen 2011, 2.22)."""
+    """Rotate FRD velocities (time, 3) to NED (time, 3) by ZYX angles (Fossen 2011, eq. 2.22)."""
     u, v, w = np.moveaxis(velocity, -1, 0)
     s_roll, c_roll = np.sin(attitude.roll), np.cos(attitude.roll)
     s_pitch, c_pitch = np.sin(attitude.pitch), np.cos(attitude.pitch)
@@ -225,7 +225,7 @@ def rotate_to_ned(velocity: Array, attitude: AttitudeSeries) -> Array:
 def horizontal_velocity(
     surge: Array, sway: Array, depth_rate: Array, attitude: AttitudeSeries
 ) -> Array:
-    """North and east velocity through the water [m/s], (time, 2), with heave solved for."""
+    """North, east velocity through the water [m/s], (time, 2), with heave from the depth rate."""
     heave = heave_from_depth_rate(depth_rate, surge, sway, attitude.roll, attitude.pitch)
     return rotate_to_ned(np.stack([surge, sway, heave], axis=-1), attitude)[:, :2]
 
@@ -240,7 +240,7 @@ def integrate(velocity: Array, period: float) -> Array:
 def water_track(
     surge: Array, sway: Array, depth: Array, attitude: AttitudeSeries, period: float
 ) -> Array:
-    """North and east [m] moved through the water since the start, (time, 2).
+    """Displacement north and east through the water since the start [m], (time, 2).
 
     Args:
       surge, sway: through the water [m/s], body FRD, (time,).
@@ -252,16 +252,16 @@ def water_track(
 
 
 def true_water_track(signals: Signals, period: float) -> Array:
-    """North and east [m] that the vehicle truly moved through the water, (time, 2).
+    """True displacement north and east through the water [m], (time, 2).
 
-    Its track over ground less the way of the water: the integral of the current where it was.
+    It is the track over ground minus the integral of the current at the vehicle.
     """
     current = np.stack([finite_channel(signals, f"true_current_{n}") for n in ("north", "east")], 1)
     return true_ground_track(signals) - integrate(current, period)
 
 
 def true_ground_track(signals: Signals) -> Array:
-    """North and east [m] over ground since the first sample, (time, 2)."""
+    """True displacement north and east over ground since the first sample [m], (time, 2)."""
     track = np.stack([finite_channel(signals, f"true_{n}") for n in ("north", "east")], 1)
     return track - track[0]
 
@@ -284,25 +284,25 @@ CurrentKnowledge = Literal["none", "previous", "corrected"]
 KNOWLEDGE: tuple[CurrentKnowledge, ...] = get_args(CurrentKnowledge)
 
 LEAST_DIVE_S = 300.0
-"""[s] without a fix that make a dive, as the vehicle's own software has it (twin.sensors.onboard);
-shorter gaps are missed fixes at the surface."""
+"""[s] Shortest time without a fix that counts as a dive, as in the vehicle's own software
+(twin.sensors.onboard); shorter gaps are missed fixes at the surface."""
 
 
 class Dive(NamedTuple):
-    """The time between two fixes that bracket a dive."""
+    """Dive between the two fixes that bracket it."""
 
     start: int
-    """Sample of the last fix before it."""
+    """Sample of the last fix before the dive."""
     end: int
-    """Sample of the first fix after it."""
+    """Sample of the first fix after the dive."""
     start_fix: Array
-    """[m] north, east, (2,)"""
+    """[m] north, east of the fix before, (2,)"""
     end_fix: Array
-    """[m] north, east, (2,)"""
+    """[m] north, east of the fix after, (2,)"""
 
     @property
     def span(self) -> slice:
-        """Its samples, both fixes included."""
+        """Samples of the dive, both fixes included."""
         return slice(self.start, self.end + 1)
 
     def seconds(self, period: float) -> float:
@@ -321,7 +321,7 @@ def gps_fixes(signals: Signals) -> tuple[NDArray[np.intp], Array]:
 
 
 def find_dives(signals: Signals, period: float) -> list[Dive]:
-    """The dives of a mission that have a fix before and after, in order of time."""
+    """Find the dives of a mission with a fix before and after, in order of time."""
     index, fixes = gps_fixes(signals)
     gaps = np.flatnonzero(np.diff(index) * period >= LEAST_DIVE_S)
     return [
@@ -331,7 +331,7 @@ def find_dives(signals: Signals, period: float) -> list[Dive]:
 
 
 def depth_averaged_current(dive: Dive, water_track: Array, period: float) -> Array:
-    """North, east [m/s], (2,), of one dive.
+    """Depth-averaged current of one dive, north, east [m/s], (2,).
 
     Args:
       water_track: estimated track through the water [m], (time, 2), of the whole mission.
@@ -341,11 +341,11 @@ def depth_averaged_current(dive: Dive, water_track: Array, period: float) -> Arr
 
 
 def dive_track(dive: Dive, water_track: Array, current: Array, period: float) -> Array:
-    """Track over ground [m] from the dive's first fix on, (samples of the dive, 2).
+    """Track over ground [m] of a dive, from its first fix, (samples of the dive, 2).
 
     Args:
       water_track: estimated track through the water [m], (time, 2), of the whole mission.
-      current: north, east [m/s], (2,), that is taken for the whole dive.
+      current: north, east [m/s], (2,), constant over the dive.
     """
     time = period * np.arange(dive.end - dive.start + 1)
     moved = water_track[dive.span] - water_track[dive.start]
@@ -364,8 +364,8 @@ def ground_track(
 
     Args:
       water_track: estimated track through the water [m], (time, 2).
-      knowledge: what is known about the current, see the module's text. With `corrected` the
-        samples after the last fix use that dive's current.
+      knowledge: what is known about the current; see the module's text. With `corrected`, the
+        samples after the last dive use that dive's current.
       start: north, east [m] of the first sample, (2,); default the origin.
 
     Raises:
@@ -380,10 +380,10 @@ def ground_track(
     known = np.zeros((samples, 2))
     if knowledge != "none":
         for dive, current in zip(dives, currents, strict=True):
-            # "previous" learns it at the dive's end; "corrected" knows it from the dive's start on.
+            # "previous" has the current from the dive's end on, "corrected" from its start on
             known[dive.end if knowledge == "previous" else dive.start :] = current
     moved = np.array(water_track)
-    moved[1:] += np.cumsum(known[:-1] * period, axis=0)  # each holds to the next sample
+    moved[1:] += np.cumsum(known[:-1] * period, axis=0)  # each current holds to the next sample
     anchors = np.zeros((samples, 2))
     anchors[:] = (np.zeros(2) if start is None else np.asarray(start)) - moved[0]
     for k, (sample, fix) in enumerate(zip(index, fixes, strict=True)):

@@ -1,20 +1,20 @@
-"""Flight filter: errors of a glider's flight model, estimated while it flies.
+"""Flight filter: errors of a glider's flight model, estimated during the mission.
 
-The hull's equation of motion, with its added mass and the law of its file, goes along with what the
-vehicle measures, and gives speed and flow angles: in glides, in turns, stalled, tail first, and as
-it coasts at the surface. In steady glides the balance of forces (`twin.identify.speed`) says
-how fast the depth must change. What it changes in truth corrects seven constants of the mission:
+The filter integrates the hull's equation of motion, with added mass and the law of the file, from
+the measured inputs. The result is speed and flow angles: in glides, in turns, stalled, tail first,
+and coasting at the surface. In steady glides, the balance of forces (`twin.identify.speed`) gives a
+depth rate. The measured depth rate corrects seven constants of the mission:
 
     (ln of the factors on K_D0 and K_alpha, pitch error of the forward and of the downward
      accelerometer [rad], ballast [kg], compressibility of the hull [1/Pa], ln of that on K_D)
 
-by an iterated extended Kalman filter (Bell and Cathey, 1993) on constants. Single dives cannot tell
-these apart: one depth rate goes with many pairs of drag and ballast. Dives and climbs at several
-angles do, so that the estimate becomes better over a mission. It takes the density that the CTD
-measures: without it the buoyancy in stratified water is off by more than the drag.
+by an iterated extended Kalman filter (Bell and Cathey, 1993) on constants. A single dive cannot
+separate drag from ballast: many pairs give one depth rate. Dives and climbs at several angles can,
+so the estimate improves over a mission. The filter needs the density from a CTD: without it the
+error of the buoyancy in stratified water exceeds that of the drag.
 
-The pitch is the accelerometers': the attitude's slow difference from it, which gyro biases make, is
-taken off. Depth was made of pressure with standard ocean, and its rate is put right by the density.
+The pitch is corrected to the accelerometers', by the attitude's slow difference from them, which
+gyro biases cause. Depth was computed for a standard ocean; the density corrects its rate.
 """
 
 from __future__ import annotations
@@ -43,30 +43,30 @@ from twin.vehicle.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 FLIGHT_FILTER = 3
-"""Version of the outputs: 1 was a steady balance, 2 follows the hull's motion, 3 does so afloat
-too, where 2 lagged. Networks that learned to read one do not know the others."""
+"""Version of the outputs: 1 was a steady balance, 2 follows the hull's motion, 3 also afloat, where
+2 lagged. A network trained on one version cannot read another."""
 TYPICAL_COMPRESSIBILITY = 5e-10
-"""[1/Pa] of a hull whose file does not say."""
+"""[1/Pa] Compressibility of a hull whose file has none."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FlightSpread:
-    """Standard deviations of a hull from its vehicle's file; 0 is not allowed."""
+    """Standard deviations of a hull's parameters from its vehicle's file; 0 is not allowed."""
 
     coefficient: float = 0.058
-    """of ln(factor) on the lift slope: +-10 %, uniform"""
+    """[1] Lift slope, log of its factor: +-10 %, uniform"""
     drag: float = 0.3
-    """of ln(factor) on both drags: growth adds half to them within a season, and lifts nothing"""
+    """[1] Both drags, log of their factor: growth adds half within a season, without lift"""
     pitch: float = 2.2e-3
-    """[rad] accelerometer: 2 mg of bias and 0.05 deg of misalignment"""
+    """[rad] Pitch by the accelerometers: 2 mg of bias and 0.05 deg of misalignment"""
     ballast: float = 0.08
-    """[kg] net mass in water of the reference density: pilots ballast for the water that they fly
-    in, whose density the file does not know"""
+    """[kg] Net mass in water of the reference density: pilots ballast for the water of a
+    mission, whose density is not in the file"""
     compressibility: float = 1.2e-10
-    """[1/Pa]"""
+    """[1/Pa] Compressibility of the hull"""
     depth_rate: float = 2e-2
-    """[m/s] of one correction: what a steady balance leaves out, 3 mm/s, lasts through a glide, so
-    that forty corrections are one"""
+    """[m/s] Depth rate of one correction. The balance's own error, 3 mm/s, lasts through a
+    glide: forty corrections count as one"""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -76,7 +76,7 @@ class FlightSpread:
 
     @property
     def prior(self) -> Array:
-        """Standard deviations of the seven constants."""
+        """Prior standard deviations of the seven constants."""
         drags, tilts = (self.drag, self.coefficient), (self.pitch, self.pitch)
         return np.array([*drags, *tilts, self.ballast, self.compressibility, self.drag])
 
@@ -86,27 +86,27 @@ HULLS: Mapping[str, FlightSpread] = {
     ANY: FlightSpread(),
     CLEAN: FlightSpread(drag=FlightSpread.coefficient, depth_rate=3e-3),
 }
-"""Knowledge of the hulls: none, or that none of them has growth on it, as in preset `field`.
-Then their drag is known from the first glides on, and what lasts through one is taken for theirs.
-With 40 % more drag networks of clean hulls have 1.06 % of the way, those of any 0.58; of clean ones
-0.32 and 0.41 (docs/results/networks.md, "A hull that is not as its file")."""
+"""Prior knowledge of the hulls: none, or no growth, as in preset `field`. With the second,
+a lasting error is taken for the hull's. Track error with 40 % more drag: 1.06 % of the path by
+networks of clean hulls, 0.58 % by networks of any; on clean hulls 0.32 and 0.41 %
+(docs/results/networks.md, "A hull that is not as its file")."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FlightStart:
-    """State estimate of CONSTANTS before a filter's first sample, such as by earlier dives.
+    """Estimate of CONSTANTS before a filter's first sample, such as from earlier dives.
 
     Raises:
-      InputError: another number of them, or a covariance that is none.
+      InputError: a wrong number of constants, or an invalid covariance.
     """
 
     constants: tuple[float, ...]
     deviations: tuple[float, ...]
-    """Standard deviations of their errors"""
+    """Standard deviations of the constants' errors"""
     correlation: tuple[tuple[float, ...], ...]
-    """Correlation of the errors: units differ by ten orders, too many for a covariance in a file"""
+    """Correlation of the errors; a covariance would span twenty orders, too many for a file"""
     depth_rate: float
-    """[m/s] of one correction, in place of `FlightSpread.depth_rate`"""
+    """[m/s] Standard deviation of one correction, in place of `FlightSpread.depth_rate`"""
 
     def __post_init__(self) -> None:
         size, correlation = len(CONSTANTS), np.array(self.correlation, float)
@@ -129,7 +129,7 @@ class FlightStart:
 
     @classmethod
     def of(cls, constants: Array, covariance: Array, depth_rate: float) -> FlightStart:
-        """From constants (7,) and the covariance of their errors (7, 7)."""
+        """Create from constants (7,) and the covariance of their errors (7, 7)."""
         deviations = np.sqrt(np.diag(covariance))
         correlation = covariance / np.outer(deviations, deviations)
         return cls(
@@ -146,7 +146,7 @@ class FlightStart:
 
 
 class FlightFilterModel(NamedTuple):
-    """The vehicle and the settings in the form that compiled code takes."""
+    """Vehicle and settings, in the form that compiled code takes."""
 
     law: Array
     """K_D0 to CROSS_FLOW, as `FlowFrame.values`"""
@@ -158,7 +158,7 @@ class FlightFilterModel(NamedTuple):
     rate_variance: float
     period: float
     inverse: Array
-    """of `inertia`"""
+    """Inverse of `inertia`"""
 
 
 NOTHING = np.zeros((0, LEARNED))
@@ -169,9 +169,9 @@ def _samples(signals: Mapping[str, Array]) -> Array:
 
 
 class FlightFilter:
-    """The filter of one vehicle: over whole missions by `run`, and sample by sample.
+    """Flight filter of one vehicle, over whole missions (`run`) or sample by sample (`step`).
 
-    Both give the same numbers: they are the same code.
+    Both give identical numbers, since they use the same code.
     """
 
     def __init__(
@@ -181,13 +181,13 @@ class FlightFilter:
         spread: FlightSpread | None = None,
         start: FlightStart | None = None,
     ):
-        """Begin before the first sample.
+        """Start before the first sample.
 
         Args:
-          vehicle: as its file says.
+          vehicle: as in its file.
           period: [s] between samples.
-          spread: how far from its file it may be.
-          start: what earlier dives said of it, in place of the file and `spread`.
+          spread: standard deviations of the hull's parameters from the file.
+          start: estimate from earlier dives, in place of the file and `spread`.
 
         Raises:
           InputError: the vehicle does not glide by lift and drag coefficients.
@@ -210,7 +210,7 @@ class FlightFilter:
         self.reset()
 
     def reset(self) -> None:
-        """Begin before the first sample."""
+        """Return to the state before the first sample."""
         self._carried = np.zeros(CARRIED)
         constants, covariance = self.begins
         self._carried[GUESS:COVARIANCE], self._carried[COVARIANCE:] = constants, covariance.ravel()
@@ -223,7 +223,7 @@ class FlightFilter:
         return np.array(self.start.constants), self.start.covariance
 
     def run(self, signals: Mapping[str, Array]) -> Array:
-        """Go on over samples, (time, outputs).
+        """Filter the next samples; outputs (time, outputs).
 
         Args:
           signals: CHANNELS, each (time,), finite.
@@ -231,10 +231,10 @@ class FlightFilter:
         return np.asarray(filtered(self.model, _samples(signals), self._carried, NOTHING)[0])
 
     def glides(self, signals: Mapping[str, Array]) -> Array:
-        """Steady glides that it learns from over samples, (n, LEARNED); it goes on as by `run`.
+        """Filter the next samples like `run`; return the steady glides used, (n, LEARNED).
 
         Columns are the means of pitch, roll [rad] and three rates [rad/s], net mass [kg] and its
-        change with compressibility, the depth rate [m/s], and the sample's place.
+        derivative by compressibility, the depth rate [m/s], and the sample's index.
         """
         samples = _samples(signals)
         learned = np.zeros((len(samples), LEARNED))
@@ -242,7 +242,7 @@ class FlightFilter:
         return learned[:count].copy()
 
     def step(self, sample: Mapping[str, float]) -> Array:
-        """Outputs of one sample, (outputs,).
+        """Filter one sample; outputs (outputs,).
 
         Raises:
           InputError: a channel is missing or not finite.
@@ -254,7 +254,7 @@ class FlightFilter:
 
     @staticmethod
     def unsuited(vehicle: Vehicle) -> str:
-        """Why there is no filter for such a vehicle; empty: there is."""
+        """Reason why the filter does not suit a vehicle; empty if it does."""
         return no_glider(vehicle)
 
     @property
@@ -269,14 +269,14 @@ class FlightFilter:
         }
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Arrays on which the next step depends."""
+        """Arrays by name that determine the next step."""
         return {"carried": self._carried.copy()}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from where `state` was called.
+        """Continue from the state that `state` returned.
 
         Raises:
-          InputError: it is of something else.
+          InputError: the state is not one of a flight filter.
         """
         saved = np.array(state.get("carried", np.zeros(0)), np.float64)
         if saved.shape != (CARRIED,):

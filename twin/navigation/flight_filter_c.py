@@ -1,15 +1,13 @@
-"""The flight filter in C99, for vehicles without Python: that of `flight_filter_kernels`, sound in
-float32.
+"""Flight filter in C99: the filter of `flight_filter_kernels` in float32, without Python.
 
-- Constants are counted in their prior deviations: their covariance begins near 1, not over twenty
-  orders.
-- The covariance is carried by a square root S of it, P = S S', which no rounding makes indefinite;
-  it is corrected by Potter's formula (Kaminski, Bryson and Schmidt, "Discrete square root
-  filtering: a survey of current techniques", IEEE Transactions on Automatic Control 16, 1971,
-  section III).
-- What is a small difference of large numbers is made of their differences: the net mass from the
-  density less the reference density, the attitude's difference from the accelerometers by the sine
-  of it, slopes of the balance by the change of its depth rate.
+- Constants are in units of their prior standard deviations: their covariance starts near 1 instead
+  of spanning twenty orders.
+- The covariance is stored as a square root S, P = S S', which rounding cannot make indefinite.
+  Potter's formula corrects it (Kaminski, Bryson and Schmidt, "Discrete square root filtering: a
+  survey of current techniques", IEEE Transactions on Automatic Control 16, 1971, section III).
+- Small differences of large numbers are computed from their differences: the net mass from the
+  density minus the reference density, the attitude's difference from the accelerometers by its
+  sine, slopes of the balance by the change of its depth rate.
 """
 
 from __future__ import annotations
@@ -26,14 +24,14 @@ from twin.navigation.flight_filter import FlightFilter
 from twin.vehicle.laws import flow_frame
 
 NUMBERS = kernels.CARRIED
-"""Floats of the filter's state, zero before the first sample. As of `flight_filter_kernels`, but
-for constants in prior deviations, the root of their covariance, and times in samples."""
+"""Number of floats of the filter's state, zero before the first sample. The layout is that of
+`flight_filter_kernels`; constants, covariance and times have other units (see above)."""
 
 
 def c_flight(*flights: FlightFilter) -> str:
-    """`gt_flight(const gt_begin *begin, float *carried, const glider_sample *sample, float
-    *estimated)`: OUTPUTS of a sample, for the filters' one vehicle and period; `gt_begins` has
-    what each of them begins with."""
+    """C text of `gt_flight(const gt_begin *begin, float *carried, const glider_sample *sample,
+    float *estimated)`, which gives OUTPUTS of a sample. The filters share vehicle and period;
+    `gt_begins` has the start of each."""
     law, inertia, hull, prior, _, period, inverse = flights[0].model
     mass, volume, gravity, reference, _ = map(float, hull)
     names = "VOLUME GRAVITY REFERENCE SQUEEZE OCEAN DEEPER SHALLOW SURFACE"
@@ -79,7 +77,7 @@ def c_flight(*flights: FlightFilter) -> str:
 
 
 def samples_beyond(seconds: float, period: float) -> int:
-    """Number of periods that, added up as the kernels do, are more than so many seconds."""
+    """Smallest number of periods whose running sum, as in the kernels, exceeds `seconds`."""
     count, total = 0, 0.0
     while total <= seconds:
         count, total = count + 1, total + period

@@ -1,8 +1,7 @@
-"""Flight filter kernels: one sample after the other, compiled.
+"""Flight filter kernels: compiled code that filters one sample after the other.
 
-`samples` hold CHANNELS, `carried` is all that goes from one sample to the next: its places have
-names here.
-"""
+`samples` hold CHANNELS; `carried` holds the filter's state. The constants below name the places
+in both."""
 
 from __future__ import annotations
 
@@ -22,94 +21,94 @@ CHANNELS = (
     *("measured_specific_force_x", "measured_specific_force_y", "measured_specific_force_z"),
     *("measured_pump", "measured_density"),
 )
-"""Channels of a sample, in their order."""
+"""Channels of a sample, in order."""
 DEPTH, ROLL, PITCH, P, Q, R, FX, FY, FZ, PUMP, DENSITY = range(len(CHANNELS))
 CONSTANTS = ("drag", "lift_slope", "pitch_x", "pitch_z", "ballast", "compressibility", "induced")
 DRAG, LIFT, TILT_X, TILT_Z, BALLAST, SQUEEZE, INDUCED = range(len(CONSTANTS))
 OUTPUTS = ("surge", "sway", "attack", "steady", "surge_sd")
-"""Outputs for each sample: surge and sway [m/s], the angle of attack [rad], 1 where
-the glide is steady as the balance takes it, and the deviation [m/s] that the constants leave to
-surge. The angle is held to 0.3 rad either way: stalled or tail first it says the side alone."""
+"""Outputs for each sample: surge and sway [m/s], the angle of attack [rad], 1 if the glide is
+steady in the balance's sense, and surge's standard deviation [m/s] by the constants. The angle is
+limited to +-0.3 rad: stalled or tail first, only its sign is meaningful."""
 STANDARD_OCEAN = (1028.106, 4.7e-3)
 """[kg/m3], [kg/m4]: density of TEOS-10's standard ocean at the surface and its growth with depth,
 within 0.02 kg/m3 to 1000 m."""
 SMOOTHED_S = 5.0
-"""[s] exponential mean of what the balance reads: longer than noise, shorter than a glider takes to
-settle."""
+"""[s] Time constant of the balance's exponential means: longer than noise, shorter than a glider
+takes to settle."""
 PROMPT_S = 1.0
-"""[s] exponential mean of pitch and depth rate afloat, where a hull that comes up turns by 100
-degrees in ten seconds: both lag alike, and little."""
+"""[s] Time constant of the means of pitch and depth rate afloat. A surfacing hull turns by 100
+degrees in ten seconds: both means must have the same small lag."""
 PROMPT_RATE = 0.02
-"""[m/s] by which the depth rate's prompt mean must differ from the other to be taken: less is noise
-of the depth, and heaving by that would row a hull forward with its wings."""
+"""[m/s] Least difference of the depth rate's prompt mean from the other, for the prompt one to be
+used. Smaller differences are noise, which would propel a hull with wings forward."""
 FUSED_S = 20.0
-"""[s] over which the attitude's pitch is drawn to the accelerometers'."""
+"""[s] Time constant with which the attitude's pitch follows the accelerometers'."""
 QUIET_S = 10.0
-"""[s] over which the glide must have been steady."""
+"""[s] Time constant of the test for a steady glide."""
 QUIET_PITCH = math.radians(1.0)
-"""[rad] by which the pitch may then differ from its mean."""
+"""[rad] Largest mean difference of pitch from its mean in a steady glide."""
 QUIET_RATE = 0.01
-"""[m/s] likewise, of the depth rate."""
+"""[m/s] Largest difference of the depth rate from its slow mean in a steady glide."""
 AFLOAT_S = 40.0
-"""[s] after a stay at the surface in which nothing is learned."""
+"""[s] Time after a surface interval without corrections."""
 EVERY_S = 15.0
-"""[s] between corrections; a glider's errors of one moment last about as long."""
+"""[s] Time between corrections, about the correlation time of a glider's errors."""
 ITERATIONS = 12
 """Fixed-point iterations of a balance."""
 STEP_S = 0.125
-"""[s] at most, of the motion: a hull settles to its angle of attack in half a second or more."""
+"""[s] Longest step of the motion: a hull reaches its angle of attack in half a second or more."""
 FASTEST = 3.0
-"""[m/s] along each axis of the hull; more is a channel that is wrong."""
+"""[m/s] Limit of the velocity along each axis of the hull; beyond, a channel is wrong."""
 RELINEARISED = 2
-"""Times that a correction is worked out, each about the last one's constants."""
+"""Number of linearisations of a correction, each about the constants of the previous one."""
 NUDGE = 0.1
-"""Step of the differences, over the prior deviation."""
+"""[1] Step of the finite differences, over the prior standard deviation."""
 FLAT_SINE = 0.07
-"""Sine of the path angle at which the buoyancy's and the depth rate's speed count alike, as of
+"""Sine of the glide angle at which the speeds by buoyancy and depth rate weigh equally, as in
 `steady_flight`."""
 LEAST_SINE = 0.12
-"""of the path angle of a glide from which something is learned"""
+"""Least sine of the glide angle for a correction"""
 LEAST_SURGE = 0.05
-"""[m/s] below which its deviation is no longer relative"""
+"""[m/s] Surge below which its standard deviation is absolute, not relative"""
 LEAST_NET = 0.05
-"""[kg] Net buoyancy below which an exponential replaces it. It stays positive even if buoyancy
-seems to pull the wrong way, so that the ballast is still learned."""
+"""[kg] Net buoyancy below which an exponential replaces it. The result stays positive even for
+buoyancy of the wrong sign, so that the ballast is still estimated."""
 WIDEST = 0.3
-"""[rad] flow angles are held within this; half of it starts over."""
+"""[rad] Limit of the flow angles; beyond half of it, the iteration restarts from zero angles."""
 MOST_OFFSET = 0.02
-"""[rad] between attitude and accelerometers; more is an acceleration."""
+"""[rad] Limit of attitude minus accelerometer pitch; beyond, it is an acceleration."""
 
 STARTED, BEFORE, OFFSET = 0, 1, 2
 MEANS = 3
-"""place of the means of pitch, roll, three rates, net mass, its change with compressibility, and
-depth rate"""
+"""First place of the means: pitch, roll, three rates, net mass, its derivative by compressibility,
+and depth rate"""
 RESTLESS, SLOW_RATE, SINCE_AFLOAT, SINCE_UPDATE = 11, 12, 13, 14
 VELOCITY, SUNK = 15, 18
-"""places of the motion's velocity [m/s] along the hull's axes, and of the mean of its depth rate"""
+"""Places of the motion's velocity [m/s] along the hull's axes, and of its mean downward velocity"""
 SPREAD = 19
-"""place of the deviation of surge over surge, by the constants; worked out at each correction"""
+"""Place of surge's relative standard deviation by the constants, updated at each correction"""
 PROMPT_PITCH, PROMPT_SINKS = 20, 21
-"""places of the means over PROMPT_S of pitch and depth rate"""
+"""Places of the means of pitch and depth rate over PROMPT_S"""
 GUESS = 22
 COVARIANCE = GUESS + len(CONSTANTS)
 CARRIED = COVARIANCE + len(CONSTANTS) ** 2
 RATE, PLACE, LEARNED = 7, 8, 9
-"""Places in a glide behind its seven means: depth rate [m/s], sample; number of columns"""
+"""Columns of a glide after its seven means: depth rate [m/s], sample; number of columns"""
 
 
 @jit
 def _pitch(x, c):  # type: ignore[no-untyped-def]
-    """Pitch [rad] without the accelerometers' errors."""
+    """Pitch [rad] corrected for the accelerometers' errors."""
     return x[0] - (c[TILT_X] * math.cos(x[0]) + c[TILT_Z] * math.sin(x[0]))
 
 
 @jit
 def _balance(model, x, c, start, out):  # type: ignore[no-untyped-def]
-    """Speed, angle of attack, sideslip and the downward part of the direction, into `out`.
+    """Solve the balance: speed, angle of attack, sideslip, downward direction cosine, in `out`.
 
-    `model` is a `FlightFilterModel`, here as below; `x` are pitch, roll, three rates, net mass and
-    its change with compressibility; `c` the constants; `start` speed and angles to start from.
-    False where nothing pulls along the hull.
+    `model` is a `FlightFilterModel` in all functions here. `x` are pitch, roll, three rates, net
+    mass and its derivative by compressibility; `c` the constants; `start` the initial speed and
+    angles. Returns False if no force acts along the hull.
     """
     law = model.law
     drag, induced = law[0] * math.exp(c[DRAG]), law[1] * math.exp(c[INDUCED])
@@ -141,8 +140,8 @@ def _balance(model, x, c, start, out):  # type: ignore[no-untyped-def]
 
 @jit
 def _gives(out, rate):  # type: ignore[no-untyped-def]
-    """Surge [m/s] of a balance at a depth rate, which has the say where the path is steep; without
-    one, NaN, the depth rate of the balance."""
+    """Surge [m/s] of a balance at a depth rate, which determines the speed on steep paths; with a
+    rate of NaN, the depth rate of the balance."""
     if rate != rate:
         return out[0] * out[3]
     speed = (out[0] * FLAT_SINE**2 + rate * out[3]) / (FLAT_SINE**2 + out[3] * out[3])
@@ -151,8 +150,8 @@ def _gives(out, rate):  # type: ignore[no-untyped-def]
 
 @jit
 def _slopes(model, x, c, start, rate, found, out):  # type: ignore[no-untyped-def]
-    """Value of `_gives`, and its change with each constant into `found`, (7,); `out` is the balance
-    of `c` again."""
+    """Value of `_gives`, with its derivatives by the constants in `found`, (7,); `out` is again the
+    balance of `c`."""
     for j in range(c.size):
         kept, nudge = c[j], NUDGE * model.prior[j]
         c[j] += nudge
@@ -168,7 +167,7 @@ def _slopes(model, x, c, start, rate, found, out):  # type: ignore[no-untyped-de
 
 @jit
 def _spread(model, x, c, cov, rate, start, slopes, out):  # type: ignore[no-untyped-def]
-    """Deviation of surge over surge that the constants leave."""
+    """Relative standard deviation of surge by the constants' uncertainty."""
     surge, variance = _slopes(model, x, c, start, rate, slopes, out), 0.0
     for i in range(c.size):
         for j in range(c.size):
@@ -178,8 +177,8 @@ def _spread(model, x, c, cov, rate, start, slopes, out):  # type: ignore[no-unty
 
 @jit
 def balanced(model, glides, c, found):  # type: ignore[no-untyped-def]
-    """Depth rate and level forward speed [m/s] of steady glides (n, LEARNED), into `found` (n, 2);
-    NaN where nothing pulls along the hull."""
+    """Depth rate and level forward speed [m/s] of steady glides (n, LEARNED), in `found`, (n, 2);
+    NaN if no force acts along the hull."""
     start, out = np.zeros(3), np.zeros(4)
     for k in range(glides.shape[0]):
         x = glides[k]
@@ -197,31 +196,31 @@ def balanced(model, glides, c, found):  # type: ignore[no-untyped-def]
 
 @jit
 def _times(matrix, vector, found):  # type: ignore[no-untyped-def]
-    """A matrix (3, 3) times a vector (3,), into `found`."""
+    """Multiply a matrix (3, 3) by a vector (3,), into `found`."""
     for i in range(3):
         found[i] = matrix[i, 0] * vector[0] + matrix[i, 1] * vector[1] + matrix[i, 2] * vector[2]
 
 
 @jit
 def _move(model, x, c, afloat, rate, v):  # type: ignore[no-untyped-def]
-    """Velocity through the water [m/s] a period later, in `v`; gives its downward part.
+    """Advance the velocity `v` through the water [m/s] by a period; return its downward part.
 
-    The hull's equation of motion with its added mass, turned as its rates say, under the twin's own
-    law: it stalls, sinks tail first while it is heavy with its nose up, and coasts at the surface,
-    which carries it and lets it sink by the depth `rate` alone.
+    The equation of motion has added mass, the measured turn rates and the twin's own law. The hull
+    can stall, sink tail first while heavy with its nose up, and coast at the surface. There the
+    surface supports it, and its downward velocity is the depth `rate`.
     """
     law, inverse, period = model.law, model.inverse, model.period
     own = law.copy()
     own[K_D0] *= math.exp(c[DRAG])
     own[K_D] *= math.exp(c[INDUCED])
     own[K_ALPHA] *= math.exp(c[LIFT])
-    if law[CROSS_FLOW] == law[K_D]:  # as where a file says nothing of it
+    if law[CROSS_FLOW] == law[K_D]:  # the value if the vehicle's file has no cross flow
         own[CROSS_FLOW] = own[K_D]
     pitch = _pitch(x, c)
     down, pushed, m, force, change = np.empty((5, 3))
     down[0], down[1] = -math.sin(pitch), math.cos(pitch) * math.sin(x[1])
     down[2] = math.cos(pitch) * math.cos(x[1])
-    _times(inverse, down, pushed)  # by a unit of impulse downward
+    _times(inverse, down, pushed)  # velocity by a unit of impulse downward
     yields = down[0] * pushed[0] + down[1] * pushed[1] + down[2] * pushed[2]
     weight = 0.0 if afloat else model.hull[2] * (x[5] + c[BALLAST] + x[6] * c[SQUEEZE])
     steps = math.ceil(period / STEP_S)
@@ -244,8 +243,8 @@ def _move(model, x, c, afloat, rate, v):  # type: ignore[no-untyped-def]
 
 @jit
 def filtered(model, samples, carried, learned):  # type: ignore[no-untyped-def]
-    """Outputs (time, 5) of the samples (time, 11), and at how many it learned; `carried` goes on,
-    and the first of those it learned from go into `learned` (n, LEARNED)."""
+    """Filter samples (time, 11): outputs (time, 5), and the number of corrections. `carried` is
+    updated in place; the first glides used go into `learned` (n, LEARNED)."""
     hull, period, n, size = model.hull, model.period, samples.shape[0], model.prior.size
     mass, volume, gravity, reference, squeeze = hull[0], hull[1], hull[2], hull[3], hull[4]
     outputs = np.zeros((n, 5))
@@ -273,7 +272,7 @@ def filtered(model, samples, carried, learned):  # type: ignore[no-untyped-def]
         standard = STANDARD_OCEAN[0] + STANDARD_OCEAN[1] * max(depth, 0.0)
         rate = 0.0 if first else (depth - carried[BEFORE]) / period * standard / density
         carried[BEFORE] = depth
-        # Net mass and how it changes with compressibility.
+        # Net mass and its derivative by compressibility.
         pressure = max(depth, 0.0) * reference * gravity
         hull_volume = volume + CUBIC_CM * s[PUMP]
         net = mass - density * hull_volume * (1.0 - squeeze * pressure)
@@ -290,7 +289,7 @@ def filtered(model, samples, carried, learned):  # type: ignore[no-untyped-def]
         carried[SINCE_AFLOAT] = 0.0 if still else carried[SINCE_AFLOAT] + period
         carried[SINCE_UPDATE] += period
         carried[STARTED] = 1.0
-        # Under way by inputs that do not lag; afloat by prompt means, where these are not noise.
+        # Under water, inputs without lag; afloat, prompt means where they exceed the noise.
         for i, value in ((PROMPT_PITCH, pitch), (PROMPT_SINKS, given[RATE])):
             carried[i] += (1.0 if first else prompt) * (value - carried[i])
         sinks = carried[PROMPT_SINKS]
@@ -314,7 +313,7 @@ def filtered(model, samples, carried, learned):  # type: ignore[no-untyped-def]
                 start[0], start[1], start[2] = speed, alpha, math.asin(v[1] / speed)
             learning = _balance(model, x, c, start, out)
             if learning and not attached:
-                # The depth rate tells a stalled hull from one that is only taken for stalled.
+                # The depth rate separates a stalled hull from one that only the model has stalled.
                 learning = abs(rate - out[0] * out[3]) < abs(rate - down)
                 if learning:
                     v[0] = out[0] * math.cos(out[1]) * math.cos(out[2])
@@ -350,7 +349,7 @@ def filtered(model, samples, carried, learned):  # type: ignore[no-untyped-def]
             for i in range(3):
                 start[i] = out[i]
             carried[SPREAD] = _spread(model, x, c, cov, rate, start, slopes, out)
-        # The depth rate has the say where the path is steep; afloat it had it.
+        # The depth rate determines the speed on steep paths; afloat, `_move` has used it already.
         flat, sunk = FLAT_SINE * speed, carried[SUNK]
         weight = flat * flat + sunk * sunk
         scale = max((flat * flat + rate * sunk) / weight, 0.0) if weight > 0.0 else 0.0

@@ -1,18 +1,18 @@
 """Flight fit: a hull's seven constants from its first dives, all glides at once.
 
-The flight filter's corrections, one after the other, depend on where the balance is not linear. A
-fit of all glides together does not. It is the most probable set of constants (Levenberg and
-Marquardt), with Huber's loss, and gives their covariance, from which a filter goes on
+The flight filter's successive corrections depend on the order where the balance is nonlinear. A fit
+of all glides together does not. It finds the most probable set of constants
+(Levenberg-Marquardt) with Huber's loss, and their covariance, from which a filter starts
 (`FlightStart`).
 
-    rate of depth      z' = balance(c)                                  what every glider has
+    depth rate         z' = balance(c)                                  every glider has it
     Doppler log, down  w_m = (1 + s) z' + e U(c)
     and forward        U_m = (1 + s) U(c) - e z' + h . dc(z)
 
-U is the level forward speed, s the log's scale, e the angle between log and measured pitch, h the
-heading, and dc(z) how the water of the log's cells moves otherwise than the vehicle's own: straight
-between knots of depth. Velocity downward tells scale and angle, dives that head otherwise tell the
-shear, so that the log's own errors do not go into the hull.
+U is the level forward speed, s the log's scale error, e the angle between log and measured pitch, h
+the heading. dc(z) is the water's velocity in the log's cells minus that at the vehicle, linear
+between knots of depth. The downward velocity gives scale and angle, and dives on different headings
+give the shear, so that the log's own errors do not bias the hull's constants.
 """
 
 from __future__ import annotations
@@ -32,30 +32,30 @@ from twin.navigation.flight_filter_kernels import CONSTANTS, NUDGE, PLACE, RATE,
 from twin.numbers import Array
 
 GLIDE_RATE_SD = 3e-3
-"""[m/s] of the depth rate of one glide; that it lasts is in `widened`"""
+"""[m/s] Standard deviation of one glide's depth rate; `widened` adds its persistence"""
 LASTING_RATE_SD = 1e-2
-"""[m/s] of a filter's corrections afterwards: what a glide has wrong counts ten times as one"""
+"""[m/s] Standard deviation of a filter's later corrections; ten corrections then count as one"""
 LOG_SD = (3e-3, 0.015)
-"""[m/s] of the log downward and forward: what is left of water that changes within an hour"""
+"""[m/s] Standard deviations of the log downward and forward, from water that varies in an hour"""
 LOG_SCALE, LOG_ANGLE = 0.01, 0.015
-"""deviation of the log's scale [1], and of its angle to the pitch [rad]: no calibration"""
+"""[1], [rad] Prior standard deviations of the log's scale error and of its angle to the pitch"""
 SHEAR, SHEAR_STEP, KNOTS_M = 0.05, 0.02, 25.0
-"""[m/s] deviation of the shear, and from knot to knot; [m] between knots"""
+"""[m/s] Prior standard deviation of the shear, and of its step between knots; [m] between knots"""
 HUBER = 2.0
-"""deviations beyond which a residual counts less"""
+"""[1] Residual in standard deviations beyond which its weight decreases"""
 FEWEST = 20
-"""glides of a fit: four minutes of steady flight"""
+"""Fewest glides of a fit: four minutes of steady flight"""
 ROUNDS, STOP, MOST_DAMPING = 60, 1e-4, 1e6
-"""steps at most; a step in prior deviations, and a damping, with which it ends"""
+"""Most steps; and the step, in prior standard deviations, and the damping that end the fit"""
 SURE = 1e-6
-"""of a deviation: a hull that is held"""
+"""[1] Factor on the prior standard deviations that fixes the hull at its file"""
 LN = "ln of the factor"
 UNITS = dict(zip(CONSTANTS, (LN, LN, "rad", "rad", "kg", "1/Pa", LN), strict=True))
 """Unit of each constant in reports"""
 
 
 class Glides(NamedTuple):
-    """Steady glides of one dive."""
+    """Steady glides of a dive."""
 
     inputs: Array
     """Rows of `FlightFilter.glides`, (n, LEARNED)"""
@@ -64,10 +64,10 @@ class Glides(NamedTuple):
     heading: Array
     """[rad], (n,)"""
     log: Array
-    """[m/s] level forward and downward by a Doppler log in water lock, (n, 2); NaN without"""
+    """[m/s] forward (level) and downward by a Doppler log in water lock, (n, 2); NaN without"""
 
     def taken(self, own: NDArray[Any] | slice) -> Glides:
-        """Take some of them."""
+        """Select some of the glides."""
         return Glides(*(values[own] for values in self))
 
     @staticmethod
@@ -78,23 +78,23 @@ class Glides(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FlightFit:
-    """A hull by its dives."""
+    """Fit of a hull to its dives."""
 
     start: FlightStart | None
-    """For a filter; None: held-back glides are better with the hull of the file"""
+    """Start of a filter; None if the file's hull predicts held-back glides better"""
     left_over: float
-    """Squared residual of held-back glides by the hull of the others, over that by the file's"""
+    """Squared residuals of held-back glides by the other glides' hull, over those by the file's"""
     widened: float
-    """Factor on the deviations of the fit: its residuals' root mean square, at least 1. Residuals
-    of steady flight are no noise that goes with the number of glides"""
+    """Factor on the fit's standard deviations: root mean square of its residuals, at least 1. The
+    residuals of steady flight do not average out with the number of glides"""
     glides: int
     log: bool
-    """Whether a Doppler log went in"""
+    """Whether a Doppler log was used"""
     factors: Mapping[str, tuple[float, float]]
-    """Estimate and deviation of every constant, in UNITS"""
+    """Estimate and standard deviation of every constant, in UNITS"""
 
     def rows(self) -> list[dict[str, object]]:
-        """Rows of a table: name, estimate, deviation and unit of every constant."""
+        """Rows of a table: name, estimate, standard deviation and unit of every constant."""
         return [
             {"constant": name, "estimate": value, "deviation": sd, "unit": UNITS[name]}
             for name, (value, sd) in self.factors.items()
@@ -104,11 +104,11 @@ class FlightFit:
 def steady_glides(
     flight: FlightFilter, signals: Mapping[str, Array], spans: Sequence[slice], *, log: bool
 ) -> list[Glides]:
-    """Glides of each dive; the filter begins with them.
+    """Collect the steady glides of each dive; the filter is reset first.
 
     Args:
-      flight: of the vehicle; it is reset first.
-      signals: its channels and `measured_heading` of a mission, with `log` also
+      flight: filter of the vehicle; it is reset first.
+      signals: the filter's channels and `measured_heading` of a mission; with `log` also
         `measured_dvl_surge`, `_sway`, `_heave` and `_mode`.
       spans: samples of each dive.
     """
@@ -140,9 +140,9 @@ def _log(signals: Mapping[str, Array], period: float) -> Array:
 def adapt_flight(flight: FlightFilter, dives: Sequence[Glides], *, log: bool) -> FlightFit:
     """Fit a hull that may have growth on it to its first dives.
 
-    Each dive in turn is held back (of a single one, each quarter) and predicted by the constants of
-    the others, with the Doppler log where `log`, and by those of the file. A hull near its file is
-    no third: depth rates do not tell it from a fouled one, and its deviations would be too small.
+    Each dive in turn is held back (of a single dive, each quarter), and predicted by the constants
+    of the other dives, with the Doppler log if `log`, and by the file's constants. A hull close to
+    its file is no third choice: depth rates do not separate it from a fouled hull.
 
     Raises:
       InputError: fewer steady glides than a fit needs, or no water lock in any.
@@ -189,8 +189,8 @@ def adapt_flight(flight: FlightFilter, dives: Sequence[Glides], *, log: bool) ->
 
 
 class LogErrors:
-    """Errors of a Doppler log, behind the constants among the unknowns: scale, angle, and the shear
-    north and east at each knot of depth."""
+    """Errors of a Doppler log, unknowns after the constants: scale, angle, shear north and east at
+    each knot of depth."""
 
     def __init__(self, knots: int):
         self.knots, self.size = knots, 2 + 2 * knots
@@ -203,11 +203,11 @@ class LogErrors:
 
     @classmethod
     def over(cls, depth: Array) -> LogErrors:
-        """With knots down to the deepest of these [m]."""
+        """Create with knots down to the deepest of these depths [m]."""
         return cls(math.ceil(float(depth.max()) / KNOTS_M) + 1)
 
     def shear(self, glides: Glides) -> Array:
-        """Change of the forward speed by each knot's shear, north and then east, (n, 2 knots)."""
+        """Derivative of the forward speed by each knot's shear, north, then east, (n, 2 knots)."""
         near = np.clip(glides.depth / KNOTS_M, 0.0, self.knots - 1.0)
         weights = np.maximum(0.0, 1.0 - np.abs(near[:, None] - np.arange(self.knots)))
         heading = glides.heading[:, None]
@@ -217,14 +217,14 @@ class LogErrors:
 def _residuals(
     flight: FlightFilter, glides: Glides, unknowns: Array, errors: LogErrors | None
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Residuals in deviations, (rows,); depth rate and level forward speed [m/s] of each glide by
-    the balance, (n, 2); and which glides have a log. Rows are of every glide the depth rate, then
-    of those with a log its velocity downward, and then forward."""
+    """Residuals in standard deviations, (rows,); depth rate and level forward speed [m/s] by the
+    balance, (n, 2); and which glides have a log. The rows are the depth rates of all glides, then
+    the downward and then the forward velocities of the glides with a log."""
     size, found = len(CONSTANTS), np.zeros((len(glides.depth), 2))
     balanced(flight.model, glides.inputs, unknowns[:size], found)
     rate = glides.inputs[:, RATE]
     rows = (rate - found[:, 0]) / GLIDE_RATE_SD
-    rows = np.where(np.isfinite(rows), rows, HUBER)  # nothing pulls along the hull
+    rows = np.where(np.isfinite(rows), rows, HUBER)  # no force along the hull
     seen = np.asarray(np.isfinite(glides.log).all(1) & np.isfinite(found).all(1))
     if errors is None:
         return rows, found, np.zeros(len(rate), bool)
@@ -239,7 +239,7 @@ def _residuals(
 def _slopes(
     flight: FlightFilter, glides: Glides, unknowns: Array, prior: Array, errors: LogErrors | None
 ) -> tuple[Array, Array]:
-    """Residuals (rows,) and their change with each unknown, (rows, unknowns)."""
+    """Residuals (rows,) and their derivatives by each unknown, (rows, unknowns)."""
     rows, found, seen = _residuals(flight, glides, unknowns, errors)
     slopes = np.zeros((len(rows), len(unknowns)))
     for j, step in enumerate(NUDGE * prior):
@@ -265,12 +265,12 @@ def _fit(
     errors: LogErrors | None,
     begin: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Most probable unknowns, and their covariance.
+    """Find the most probable unknowns and their covariance.
 
     Args:
-      prior: deviations of the constants from those of the file.
-      errors: those of the log, which goes in then.
-      begin: unknowns to start from; it changes how many steps are taken, not where they end.
+      prior: standard deviations of the constants from those of the file.
+      errors: of the log, which is then used; None for a fit without it.
+      begin: unknowns to start from; they change the number of steps, not the result.
     """
     size = len(CONSTANTS)
     total = size + (0 if errors is None else errors.size)
@@ -294,7 +294,7 @@ def _fit(
             slope = -(slopes.T * weights) @ rows - information @ tried
         else:
             damping *= 10.0
-        unit = 1.0 / np.sqrt(np.diag(normal))  # of unknowns whose units differ by ten orders
+        unit = 1.0 / np.sqrt(np.diag(normal))  # the units differ by ten orders of magnitude
         scaled = normal * np.outer(unit, unit)
         step = unit * np.linalg.solve(scaled + damping * np.eye(total), unit * slope)
         tried = unknowns + step

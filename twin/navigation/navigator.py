@@ -1,11 +1,10 @@
-"""Navigator: estimates a vehicle's position from what it measures on board.
+"""Navigator: on-board estimate of a vehicle's position and of the current.
 
-A velocity estimator says how fast the vehicle moves through the water. Its heave is solved for from
-the depth rate where it has none; measured roll, pitch and heading turn it to north and east
-(`twin.navigation.dead_reckoning`). The heading is corrected for the compass deviation that the
-gyros show (`twin.navigation.compass_deviation`). The current filter adds the current, keeps the
-covariance, and takes the GPS fixes and the velocity over ground of a Doppler log in bottom lock
-(`twin.navigation.current`).
+A velocity estimator gives the velocity through the water; if it gives no heave, the depth rate
+does. Measured roll, pitch and heading turn the velocity to north and east
+(`twin.navigation.dead_reckoning`). The gyros' compass deviation corrects the heading
+(`twin.navigation.compass_deviation`). The current filter (`twin.navigation.current`) adds the
+current, keeps the covariance, and uses GPS fixes and a Doppler log's bottom lock.
 """
 
 from __future__ import annotations
@@ -33,14 +32,14 @@ RATES = ("measured_roll_rate", "measured_pitch_rate", "measured_yaw_rate")
 LOG = ("measured_dvl_surge", "measured_dvl_sway", "measured_dvl_heave")
 LOCK = "measured_dvl_mode"
 UPDATE_S = 60.0
-"""[s] between steps of the current filter under water: short against every current's time"""
+"""[s] Time between steps of the current filter under water: short against its correlation times"""
 LOG_DEVIATION = 0.005
-"""[m/s] north and east each, of the mean of a Doppler log in bottom lock: its scale and its mount
-are off by a hundredth of a glider's speed"""
+"""[m/s] Standard deviation, north and east each, of a Doppler log's mean in bottom lock: scale and
+mount have errors of a hundredth of a glider's speed"""
 LEAST_LOCK = 0.5
-"""of the samples between two steps of the filter, for it to be taken"""
+"""[1] Least fraction of samples with bottom lock in a filter step, for the log to be used"""
 START_DEVIATION = 1.0
-"""[m] north and east each, of a place that is told as the start"""
+"""[m] Standard deviation, north and east each, of a given start position"""
 KEPT: Mapping[str, Callable[[Any], Any]] = {
     "count": int,
     "depth": float,
@@ -51,7 +50,7 @@ KEPT: Mapping[str, Callable[[Any], Any]] = {
     **dict.fromkeys(("bent", "astray", "iron"), np.array),
     "drifts": list,
 }
-"""Attributes on which the next step depends, and their types"""
+"""Attributes that determine the next step, and their types"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
@@ -61,19 +60,19 @@ class NavigationState:
     time: float
     """[s] since the first sample"""
     north: float
-    """[m] over ground from the origin of the mission's frame"""
+    """[m] north of the origin of the mission's frame"""
     east: float
-    """[m]"""
+    """[m] east of the origin"""
     covariance: Array
-    """[m2] of north and east at the last update of the filter, (2, 2)"""
+    """[m2] Covariance of north and east at the last update of the filter, (2, 2)"""
     current_north: float
-    """[m/s]"""
+    """[m/s] northward current"""
     current_east: float
-    """[m/s]"""
+    """[m/s] eastward current"""
     velocity_north: float
-    """[m/s] through the water"""
+    """[m/s] northward, through the water"""
     velocity_east: float
-    """[m/s] through the water"""
+    """[m/s] eastward, through the water"""
     surge: float
     """[m/s] through the water, forward"""
     sway: float
@@ -81,11 +80,11 @@ class NavigationState:
     heave: float
     """[m/s] downward in body axes"""
     depth_rate: float
-    """[m/s] since the sample before"""
+    """[m/s] change of depth since the sample before, over the period"""
 
 
 class Navigator:
-    """Position and current of one vehicle, sample by sample."""
+    """Navigator of one vehicle: position and current, sample by sample."""
 
     def __init__(
         self,
@@ -97,23 +96,23 @@ class Navigator:
         current: CurrentFilter | CurrentParameters | None = None,
         compass: float | None = None,
     ):
-        """Begin before the first sample.
+        """Start before the first sample.
 
         Args:
           estimator: of the velocity through the water.
           latitude: [degree] for the inertial period.
-          period: [s] between samples; None: the estimator's. The estimator's must be a whole
-            multiple of it, and holds in between.
-          start: north, east [m] where it begins, known to `START_DEVIATION`: the first fix after a
-            dive then teaches the current. None: not known, the origin until the first fix says
-            where it is.
-          current: the filter, or its parameters as they are, such as `tune` finds them in earlier
-            missions; None: a usual sea's, with the errors of speed and compass as they are stated.
-          compass: [degree] stated standard deviation of the compass; None: nothing is stated.
+          period: [s] between samples; None: the estimator's. The estimator's period must be a whole
+            multiple of it; in between, the last velocity holds.
+          start: north, east [m] of the start, known to `START_DEVIATION`: the first fix after a
+            dive then updates the current. None: unknown; positions count from the origin until the
+            first fix.
+          current: the filter, or its parameters, such as those of `tune` for earlier missions.
+            None: those of a usual sea, with the stated errors of speed and compass.
+          compass: [degree] stated standard deviation of the compass; None for the usual one.
 
         Raises:
-          InputError: periods that do not fit, or a compass' deviation beside a filter or its
-            parameters, which have their own.
+          InputError: periods that do not fit, or `compass` together with a filter or parameters,
+            which have their own.
         """
         self.estimator = estimator
         self.period = estimator.period if period is None else period
@@ -140,21 +139,21 @@ class Navigator:
             current = CurrentFilter(current, latitude=latitude, memory=stated.memory)
         self.filter = current
         self.legs: list[Leg] = []
-        """The dives so far, from fix to fix."""
+        """Dives so far, from fix to fix."""
         self.innovations: list[Innovation] = []
-        """The innovation of the fix after each of them."""
+        """Innovation of the fix after each dive."""
         self._noise = stated.noise**2 * np.eye(2)
         self.channels = tuple(dict.fromkeys((*estimator.channels, DEPTH, *ATTITUDE)))
-        """Schema variables that a sample must hold; those of `FIX`, `RATES`, `LOG` and `LOCK` are
-        taken where they are."""
+        """Schema variables that a sample must have; `FIX`, `RATES`, `LOG` and `LOCK` are
+        optional."""
         self.deviation = CompassDeviation(self.period)
-        """The compass' own, learned where a sample holds the gyros' rates."""
+        """Filter of the compass deviation, which needs the gyros' rates."""
         self._start = start
         self._first = self.filter.state()
         self.reset()
 
     def reset(self) -> None:
-        """Begin before the first sample again."""
+        """Return to the state before the first sample."""
         self.estimator.reset()
         self.deviation.reset()
         self.filter.restore(self._first)
@@ -162,23 +161,23 @@ class Navigator:
         self.legs.clear()
         self.innovations.clear()
         self._left = np.array([*(self._start or (0.0, 0.0)), 0.0])  # last fix, and its time [s]
-        self._swum = np.zeros(2)  # through the water since
+        self._swum = np.zeros(2)  # displacement through the water since the last fix
         self._count = 0
-        self._body = np.zeros(3)  # surge, sway and heave, NaN where the depth rate says it
+        self._body = np.zeros(3)  # surge, sway and heave; NaN heave comes from the depth rate
         self._spread = self._noise.copy()
         self._depth = 0.0
         self._velocity = np.zeros(2)
-        self._moved = np.zeros(2)  # through the water since the filter's last step
+        self._moved = np.zeros(2)  # displacement through the water since the filter's last step
         self._waited = 0.0
         self._placed = self._start is not None
-        self._dived = False  # since the last fix: else it drifts with what nothing measures
-        self._bent = np.zeros((2, IRON))  # change of the velocity by the compass' deviation
-        self._astray = np.zeros((2, IRON))  # [m] the same of the way since the last fix
+        self._dived = False  # since the last fix: a vehicle afloat has an unknown drift
+        self._bent = np.zeros((2, IRON))  # derivative of the velocity by the iron parameters
+        self._astray = np.zeros((2, IRON))  # [m] derivative of `_swum` by the iron parameters
         self._iron = np.zeros(IRON)
         self._hold()
 
     def _hold(self) -> None:
-        """Keep the filter's estimates until its next step."""
+        """Cache the filter's estimates until its next step."""
         self._place, covariance = self.filter.position
         self._covariance = self.filter.inflation * covariance
         self._current, _ = self.filter.current
@@ -186,15 +185,14 @@ class Navigator:
         self._turn = np.array([[1.0 + scale, -offset], [offset, 1.0 + scale]])
         self._moved[:] = 0.0
         self._waited = 0.0
-        self._drifts: list[Array] = []  # over ground less through the water, in bottom lock
+        self._drifts: list[Array] = []  # velocity over ground minus through water, in bottom lock
 
     def step(self, sample: Mapping[str, float]) -> NavigationState:
-        """State estimate at a sample, from it and those before it.
+        """Estimate the state at a sample, from this sample and the earlier ones.
 
         Args:
-          sample: a value for each of `channels`, in the schema's units; a fix, rates of the gyros
-            and a Doppler log's velocity where there are some: NaN or nothing says that there is
-            none.
+          sample: a value for each of `channels`, in the schema's units. A fix, gyro rates and a
+            Doppler log's velocity are optional: they may be NaN or missing.
 
         Raises:
           InputError: a channel is missing or not finite.
@@ -209,7 +207,7 @@ class Navigator:
             found = self.estimator.step(sample)
             self._body[:] = found.surge, found.sway, found.heave
             if found.covariance is not None:
-                # the two horizontal axes of the body, in no particular direction of the sea
+                # the mean of the two horizontal axes: their directions at sea are arbitrary
                 level = 0.5 * (found.covariance[0, 0] + found.covariance[1, 1])
                 self._spread = max(level, 1e-8) * np.eye(2)
         roll, pitch, heading = (math.radians(sample[name]) for name in ATTITUDE)
@@ -245,7 +243,7 @@ class Navigator:
         )  # fmt: skip
 
     def _straighten(self) -> None:
-        """Move the position by what is newly known of the compass on the way since the last fix."""
+        """Correct the position for new iron estimates, over the track since the last fix."""
         iron = self.deviation.iron
         if not np.array_equal(iron, self._iron):
             moved = self._astray @ (iron - self._iron)
@@ -259,7 +257,7 @@ class Navigator:
     ) -> tuple[Array, float, float]:
         """North and east through the water, (2,), heave and depth rate, all [m/s].
 
-        As `dead_reckoning.horizontal_velocity`, of one sample.
+        The equations are those of `dead_reckoning.horizontal_velocity`, for one sample.
         """
         rate = (depth - self._depth) / self.period if self._count else 0.0
         self._depth = depth
@@ -271,14 +269,14 @@ class Navigator:
         return _level(np.array([surge, sway, heave]), roll, pitch, heading), heave, rate
 
     def _update(self, *, known: bool) -> None:
-        """Bring the filter to this sample; `known`: the motion since its last step is."""
+        """Step the filter to this sample; `known`: whether the motion since then is known."""
         if self._waited > 0.0:
             self._swum += self._moved
             through = self._moved / self._waited if known else None
             self.filter.step(self._waited, through, self._spread)
             locked = len(self._drifts) * self.period >= LEAST_LOCK * self._waited
             if through is not None and locked:
-                # the median leaves outliers of the log out
+                # the median is robust against outliers of the log
                 ground = through + np.median(self._drifts, axis=0)
                 self.filter.ground_velocity(ground, LOG_DEVIATION**2 * np.eye(2))
         self._hold()
@@ -287,7 +285,7 @@ class Navigator:
         self._update(known=self._dived)
         if self._placed and self._dived:
             innovation = self.filter.fix(fix)
-            assert innovation is not None  # its way is known since the last fix
+            assert innovation is not None  # the motion is known since the last fix
             self.innovations.append(innovation)
             north, east, start = self._left.tolist()
             swum_north, swum_east = self._swum.tolist()
@@ -296,7 +294,7 @@ class Navigator:
                 over_ground=(fix[0] - north, fix[1] - east),
             )  # fmt: skip
             self.legs.append(leg)
-        else:  # a fix afloat says where the vehicle is, and nothing of what carries it under water
+        else:  # a fix afloat gives the position, but says nothing on the current under water
             self.filter.locate(fix)
         self._placed, self._dived = True, False
         self._left = np.array([*fix, self._time])
@@ -306,16 +304,16 @@ class Navigator:
 
     @property
     def _time(self) -> float:
-        """[s] of the last sample"""
+        """[s] Time of the last sample"""
         return (self._count - 1) * self.period
 
     @property
     def _parts(self) -> dict[str, Any]:
-        """Parts with a state of their own."""
+        """Components with a state of their own."""
         return {"estimator": self.estimator, "filter": self.filter, "deviation": self.deviation}
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Arrays by name on which the next step depends."""
+        """Arrays by name that determine the next step."""
         parts = {
             f"{part}:{name}": value
             for part, one in self._parts.items()
@@ -324,9 +322,9 @@ class Navigator:
         return parts | {name: np.array(getattr(self, f"_{name}"), np.float64) for name in KEPT}
 
     def restore(self, state: State) -> None:
-        """Go on from where `state` was called, with a navigator that was made in the same way.
+        """Continue from the state that `state` returned; the arguments must be the same.
 
-        The dives before are not in it: `legs` and `innovations` begin again.
+        The state lacks earlier dives: `legs` and `innovations` start empty.
         """
         for part, one in self._parts.items():
             begins = f"{part}:"

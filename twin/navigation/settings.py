@@ -1,6 +1,6 @@
-"""Navigation of a simulation: the settings by which guidance sees estimates in place of the truth.
+"""Navigation settings: guidance of a simulation by estimates instead of the true state.
 
-An on-board filter makes the estimated channels from the measured ones.
+An on-board filter computes the estimated channels from the measured ones.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
     from twin.sensors.suite import SensorSuite
 
 TRUTH, ESTIMATE = "truth", "estimate"
-"""Words for guidance that sees the true state, and for one that sees an estimate by the usual
-estimator of the vehicle."""
+"""Settings by which guidance uses the true state, or an estimate by the vehicle's usual
+estimator."""
 ESTIMATED = tuple(f"estimated_{name}" for name in OUTPUTS)
-"""Channels of `twin.navigation.flight_filter`, in the order of its outputs."""
+"""Channels of `twin.navigation.flight_filter`, in the order of its outputs"""
 MIXED = ("surge", "steady", "surge_sd")
 ADAPTED = tuple(f"adapted_{name}" for name in MIXED)
-"""Channels of a second filter, which begins with earlier dives: those that go into a surge."""
+"""Channels of a second filter that starts from earlier dives; they are mixed into a surge"""
 CTD = "measured_density"
-"""The channel of the filter that a vehicle without a CTD lacks."""
+"""Channel of the flight filter that a vehicle without a CTD does not have"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -44,14 +44,14 @@ class Navigation:
     """Velocity estimator: a name such as "ekf" or "network:runs/mine", an object, or
     "estimate" for the usual one of the vehicle."""
     sensors: str | SensorSuite = "field"
-    """A suite or the name of a preset."""
+    """Sensor suite, or the name of a preset."""
     seed: int = 0
     """Seed of the sensors' errors."""
     bottom_depth: float | None = None
-    """[m] for a Doppler log where there is no sea floor; None: out of its reach."""
+    """[m] Depth of the bottom for a Doppler log without a sea floor; None: out of its range."""
     current: CurrentParameters | None = None
-    """Parameters of the current filter; None: a usual sea's, with the errors of speed and compass
-    that the estimator and the compass of the sensors state."""
+    """Parameters of the current filter; None: those of a usual sea, with the speed error that the
+    estimator states and the compass error that the sensors state."""
 
     def __post_init__(self) -> None:
         from twin.navigation.current import CurrentParameters
@@ -75,10 +75,10 @@ class Navigation:
 
     @classmethod
     def of(cls, given: str | VelocityEstimator | Navigation | None) -> Navigation | None:
-        """Settings by a word, an estimator or other settings; None for the truth.
+        """Convert a word, an estimator or other settings to settings; None for the truth.
 
         Raises:
-          InputError: something else.
+          InputError: `given` is something else.
         """
         from twin.navigation.estimators.base import VelocityEstimator
 
@@ -93,20 +93,20 @@ class Navigation:
 
     @property
     def suite(self) -> SensorSuite:
-        """The sensors."""
-        assert not isinstance(self.sensors, str)  # __post_init__ made a suite of a name
+        """Sensor suite."""
+        assert not isinstance(self.sensors, str)  # __post_init__ replaced a name by its suite
         return self.sensors
 
     @property
     def compass_deviation(self) -> float:
-        """[degree] that the compass of the sensors states."""
+        """[degree] Error of the sensors' compass, as stated."""
         return float(self.suite.compass.deviation_deg)
 
     def open(self, vehicle: Vehicle, period: float) -> VelocityEstimator:
-        """The estimator for a vehicle, with samples every `period` [s].
+        """Open the estimator for a vehicle, with samples every `period` [s].
 
         Raises:
-          InputError: there is none of that name, or it does not suit the vehicle.
+          InputError: no estimator has that name, or it does not suit the vehicle.
         """
         from twin.navigation.estimators import open_velocity_estimator, usual_velocity_estimator
 
@@ -118,7 +118,7 @@ class Navigation:
         return open_velocity_estimator(self.estimator, vehicle, period)
 
     def describe(self) -> dict[str, Any]:
-        """A JSON-able dict; `navigation_from_dict` rebuilds it where the estimator has a name."""
+        """Settings for JSON; `navigation_from_dict` rebuilds them if the estimator is named."""
         named = isinstance(self.estimator, str)
         return {
             "estimator": self.estimator if named else None,
@@ -134,7 +134,7 @@ def navigation_from_dict(data: Mapping[str, Any]) -> Navigation:
     """Rebuild settings from `Navigation.describe`.
 
     Raises:
-      InputError: its estimator was an object.
+      InputError: the estimator was an object.
     """
     from twin.navigation.current import CurrentParameters
     from twin.sensors.suite import SensorSuite
@@ -157,7 +157,7 @@ def navigation_from_dict(data: Mapping[str, Any]) -> Navigation:
 
 
 def sources(channels: Iterable[str]) -> tuple[str, ...]:
-    """Measured channels behind these channels, each once."""
+    """Measured channels from which these channels are computed, each once."""
     read = (CHANNELS if channel in ESTIMATED else (channel,) for channel in channels)
     return tuple(dict.fromkeys(itertools.chain.from_iterable(read)))
 
@@ -171,18 +171,18 @@ def estimate(
     spread: FlightSpread | None = None,
     advise: Callable[[Sequence[str]], str] = lambda _: "",
 ) -> dict[str, Array]:
-    """All of ESTIMATED, each (time,), of one whole mission with one sample every `period` [s].
+    """Estimate all of ESTIMATED, each (time,), for one mission with a sample every `period` [s].
 
     Args:
-      signals: what the filter reads.
-      vehicle: as its file says.
-      mission: for errors.
-      spread: how far the hull may be from its file.
-      advise: what else to do about such channels than to repair the store, for errors.
+      signals: channels that the filter reads.
+      vehicle: as in its file.
+      mission: number for error messages.
+      spread: uncertainty of the hull's parameters.
+      advise: gives advice on bad channels for error messages, besides repairing the store.
 
     Raises:
       InputError: the vehicle does not glide by lift and drag coefficients.
-      StoreError: a channel that is needed is not finite; mission, channel and sample are named.
+      StoreError: a required channel is not finite; mission, channel and sample are named.
     """
     for name in CHANNELS:
         bad = np.flatnonzero(~np.isfinite(signals[name]))
@@ -203,9 +203,9 @@ def estimate_adapted(
     start: FlightStart,
     spread: FlightSpread | None = None,
 ) -> dict[str, Array]:
-    """All of ADAPTED, each (time,), by a second filter that begins with earlier dives.
+    """Estimate all of ADAPTED, each (time,), with a second filter that starts from earlier dives.
 
-    Arguments as `estimate`, which has seen that the signals are finite.
+    Arguments are as in `estimate`, which has checked that the signals are finite.
     """
     made = FlightFilter(vehicle, period, spread, start).run(signals)
     return {
@@ -215,5 +215,5 @@ def estimate_adapted(
 
 
 def can_estimate(vehicle: Vehicle, channels: Iterable[str]) -> bool:
-    """Whether a vehicle glides, and a store has the channels for it."""
+    """Whether a vehicle glides and a store has all channels of the flight filter."""
     return FlightFilter.unsuited(vehicle) == "" and set(CHANNELS) <= set(channels)

@@ -36,10 +36,11 @@ TURNING = 0.2
 EXTRAPOLATED = 1.0
 """[1] Product of step and fastest rate above which rotary damping is solved for implicitly; below,
 it can still be extrapolated."""
-ACCURATE, STABLE = 0.5, 1.0
-"""[1] Limits of the product of step and fastest extrapolated rate. The second-order formula of
-Adams and Bashforth is stable up to 1 (Hairer, Norsett and Wanner 1993, III.1). At half of it, a
-glider's manoeuvres are off by about 1 mm/s (tests/twin/physics/test_convergence.py)."""
+ACCURATE, STABLE = 0.5, 0.6
+"""[1] Limits of the product of step and fastest extrapolated rate. For one mode the formula of
+Adams and Bashforth is stable up to 1 (Hairer, Norsett and Wanner 1993, III.1); coupled modes in
+turns and quick manoeuvres were unstable or useless from 0.66 on. At 0.5 a glider's manoeuvres are
+off by about 1 mm/s (tests/twin/physics/test_convergence.py)."""
 MUJOCO_STEP = 0.002
 """[s] Step of a vehicle file that gives none: MuJoCo's default."""
 

@@ -1,6 +1,6 @@
-"""Figures of a flight: section and histogram of the vertical water velocity, and a map.
+"""Flight figures: section and histogram of the vertical water velocity, and a map.
 
-They draw the dataset that `twin flight` writes, so that its file can be drawn later.
+All take the dataset that `twin flight` writes, so that its file can be drawn later.
 """
 
 from __future__ import annotations
@@ -40,20 +40,20 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 CM, HOUR = 100.0, 3600.0
-MOST_POINTS = 20000  # points of a section; more than its pixels
+MOST_POINTS = 20000  # about the most points of a section; more than its pixels
 BINS = 60
 UNFLOWN = "no vertical water velocity to draw: no dive that the model can fly"
-COVERED = 98, 99.5  # percentiles of the speed that colours and the histogram's axis reach
+COVERED = 98, 99.5  # percentiles of |velocity| at the ends of the colours and the histogram's axis
 LEVEL_RATE = 0.03
-"""[m/s] below which a vehicle turns or flies level, as the import's phases have it"""
+"""[m/s] Vertical velocity below which a vehicle turns or flies level, as in the import's phases"""
 PRINT_DPI = 200  # [pixel/in]
 
 
 def read_flight(path: str | Path) -> xr.Dataset:
-    """Read into memory a file that `twin flight` wrote.
+    """Read a file of `twin flight` into memory.
 
     Raises:
-      StoreError: something else, or it cannot be read.
+      StoreError: the file is of another kind, or cannot be read.
     """
     path = Path(path)
     if not is_flight(path):
@@ -66,7 +66,7 @@ def read_flight(path: str | Path) -> xr.Dataset:
 
 
 def flight_caption(flight: xr.Dataset, path: Path) -> str:
-    """One line that names a flight: deployments, missions, dates, vehicle."""
+    """Caption of one line that names a flight: deployments, missions, dates, vehicle."""
     names = dict.fromkeys(map(str, flight[DEPLOYMENT].values)) if DEPLOYMENT in flight else ()
     count = flight.sizes[MISSION]
     parts = [", ".join([*names][:3]) or path.name, f"{count} mission{'s' if count > 1 else ''}"]
@@ -79,7 +79,7 @@ def flight_caption(flight: xr.Dataset, path: Path) -> str:
 
 
 def section(flight: xr.Dataset) -> Figure:
-    """Depth over time, coloured by the vertical velocity of the water [cm/s]."""
+    """Draw depth over time, coloured by the vertical velocity of the water [cm/s]."""
     period = float(flight.attrs[SAMPLE_PERIOD])
     starts, samples = _starts(flight), _samples(flight)
     depth, water = flight["depth"].values, CM * flight[W_WATER].values
@@ -103,7 +103,7 @@ def section(flight: xr.Dataset) -> Figure:
         lines = LineCollection(list(segments), array=w, cmap=colours, linewidths=1.6)
         largest = float(np.percentile(np.abs(w), COVERED[0]))
         lines.set_clim(-largest, largest)
-        # the map is white at 0, as the page is: a rim shows the dives there
+        # the colour map is white at 0, as the page is: a grey rim keeps the dives visible
         axes.add_collection(LineCollection(list(segments), colors=style.GUIDE, linewidths=2.8))
         axes.add_collection(lines)
         time, deep = segments[:, :, 0], segments[:, :, 1]
@@ -119,7 +119,7 @@ def section(flight: xr.Dataset) -> Figure:
 
 
 def histogram(flight: xr.Dataset) -> Figure:
-    """Histogram of the vertical velocity of the water, in dives and in climbs."""
+    """Draw the histogram of the vertical velocity of the water, in descents and in climbs."""
     w = CM * flight[W_WATER].values.ravel()
     known = np.isfinite(w)
     if not known.any():
@@ -146,7 +146,7 @@ def histogram(flight: xr.Dataset) -> Figure:
 
 
 def track_map(flight: xr.Dataset) -> Figure:
-    """The corrected tracks, the fixes and the depth-averaged currents on a map."""
+    """Draw the corrected tracks, the fixes and the depth-averaged currents on a map."""
     if any(name not in flight for name in POSITIONS):
         raise InputError("no map: the store does not say where its missions began")
     samples = _samples(flight)
@@ -156,7 +156,7 @@ def track_map(flight: xr.Dataset) -> Figure:
         (latitude[row, :count], longitude[row, :count]) for row, count in enumerate(samples)
     )
     fixes = None
-    if GPS_FIX in flight:  # files of earlier versions do not say
+    if GPS_FIX in flight:  # files of earlier versions lack the fixes
         fixed = flight[GPS_FIX].values == 1
         fixes = (latitude[fixed], longitude[fixed])
     currents: tuple[Currents, ...] = ()
@@ -175,7 +175,7 @@ def _samples(flight: xr.Dataset) -> NDArray[np.int64]:
 
 
 def _ways(flight: xr.Dataset) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Samples in dives and in climbs: the store's phases, or by the depth rate."""
+    """Masks of the samples in descents and in climbs, by the store's phases or the depth rate."""
     if "phase" in flight:
         phase = flight["phase"].values
         return phase == DESCENT, phase == CLIMB
@@ -184,13 +184,13 @@ def _ways(flight: xr.Dataset) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
 
 
 def _start(flight: xr.Dataset) -> float | None:
-    """Unix time [s] of the first sample of all; None where it is not known."""
+    """Unix time [s] of the earliest sample; None where a mission's start is unknown."""
     starts = _unix(flight)
     return float(starts.min()) if starts.size and np.isfinite(starts).all() else None
 
 
 def _starts(flight: xr.Dataset) -> Array:
-    """[s] of each mission's first sample since that of the first; one after the other without."""
+    """[s] Start of each mission since the earliest; without dates missions follow each other."""
     if (first := _start(flight)) is not None:
         return _unix(flight) - first
     lengths = float(flight.attrs[SAMPLE_PERIOD]) * _samples(flight)
@@ -207,11 +207,11 @@ def _unix(flight: xr.Dataset) -> Array:
 
 
 FLIGHT_FIGURES = {"w_section": section, "w_histogram": histogram, "map": track_map}
-"""By the name of their files"""
+"""Drawing functions by the names of their files"""
 
 
 def write_flight_figures(flight: Flight, folder: Path) -> tuple[list[Path], list[str]]:
-    """Draw all figures into a folder; returns their files, and why others are missing.
+    """Draw all figures into a folder; return the files, and the reasons for missing figures.
 
     Raises:
       WriteError: the disk refuses.

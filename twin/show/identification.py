@@ -1,7 +1,6 @@
-"""Identification: residuals of an identified vehicle, and the page of its check against logs.
+"""Identification figures: residuals of an identified vehicle, and the page of its log check.
 
-Residuals stand over depth, over time and as a distribution; the page has figures by phase, then
-dives with the twin drawn over the log.
+The page has a table by phase, then dives with the twin drawn over the log.
 """
 
 from __future__ import annotations
@@ -31,22 +30,22 @@ from twin.vehicle.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 CENTIMETRES = 100.0
-DEPTH_BINS, LEAST_IN_BIN = 20, 10  # bins of depth, and samples from which one has quartiles
+DEPTH_BINS, LEAST_IN_BIN = 20, 10  # bins of depth, and least samples of a bin with quartiles
 COVERED = 97.0  # percentile of the quartiles that the axis of residuals over depth covers
 SHOWN, LONGEST_LAG = 5.0, 300.0
-"""Deviations that the axes of residuals reach, and [s] of the autocorrelation: half a dive of
-100 m"""
-MOST_DIVES = 6  # dives drawn, spread evenly over those checked
+"""Reach of the residual's axis in standard deviations, and [s] longest lag of the autocorrelation,
+half a dive to 100 m"""
+MOST_DIVES = 6  # most dives that are drawn, evenly chosen from the checked dives
 
 
 def residual_figure(
     identification: Identification, logs: Sequence[Log], *, mission: int | None = None
 ) -> Figure:
-    """Depth rate of one mission and residuals of all.
+    """Draw the depth rate of one mission and the residuals of all missions.
 
-    Four panels: measured and modelled depth rate of a mission (the longest by default, `mission`
-    is a position in `logs`), residual over depth in dives and climbs, its distribution beside the
-    normal one of the stated deviation, and its autocorrelation.
+    The panels are: measured and modelled depth rate of a mission (`mission` is an index of `logs`,
+    by default that of the longest), residual over depth in descents and climbs, its distribution
+    with a normal one of the stated standard deviation, and its autocorrelation.
     """
     flight: FlightModel = "steady" if identification.model == "steady" else "flight"
     estimates = [estimate(log, identification.calibration, flight) for log in logs]
@@ -160,11 +159,11 @@ UNITS = {
     "heading_sd_deg": "heading about its target [deg]",
     "heading_bias_deg": "heading less its target, mean [deg]",
 }
-"""Labels of the figures"""
+"""Labels of the compared quantities"""
 
 
 def log_check_rows(found: LogCheck) -> list[dict[str, object]]:
-    """A row for each figure of each phase: log, twin, and how they differ."""
+    """Make the table's rows, one for each quantity of each phase: log, twin, ratio, difference."""
     phases = {name: found.phases[name].describe() for name in PHASES if name in found.phases}
     return [
         {
@@ -181,7 +180,7 @@ def log_check_rows(found: LogCheck) -> list[dict[str, object]]:
 
 
 def write_log_check(folder: Path, found: LogCheck, command: str = "") -> Path:
-    """Write `index.html` and its figures as PNG into `folder`; returns the page's path.
+    """Write `index.html` and its figures as PNG into `folder`; return the page's path.
 
     Raises:
       InputError: the folder cannot be made.
@@ -216,7 +215,7 @@ def write_log_check(folder: Path, found: LogCheck, command: str = "") -> Path:
 def as_logged(
     dive: ReplayedDive, flight: Trajectory, vehicle: Vehicle, names: Container[str]
 ) -> Trajectory:
-    """A flight of the twin on the log's clock and under the names of its signals, `names`."""
+    """Convert a flight of the twin to the log's clock and to the log's signal names, `names`."""
     begin = dive.period * dive.targets[0].leg.first
     signals = {
         f"measured_{name}": flight[f"true_{name}"] for name in ("depth", "pitch", "roll", "heading")

@@ -1,8 +1,8 @@
-"""Style: one look for every figure, readable at the width of a journal column; axes of dates.
+"""Style of all figures, readable at the width of a journal column; units, legends and date axes.
 
-The palette is Okabe and Ito's (2008), distinguishable with every common colour blindness; the maps
-are cividis and its kin, whose lightness grows steadily. Figures are made without pyplot, so that
-plotting leaves no global state and works in any thread.
+The palette is Okabe and Ito's (2008), distinguishable with every common colour blindness. The
+colour maps, such as cividis, have steadily growing lightness. Figures are made without pyplot, so
+that plotting leaves no global state and works in any thread.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from twin.records.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 COLUMN_WIDTH, PAGE_WIDTH = 3.5, 7.2
-"""[in] one column of a two-column journal (89 mm), and both (183 mm)"""
+"""[in] Width of one column of a two-column journal (89 mm), and of both columns (183 mm)"""
 
 PALETTE = {
     "blue": "#0072B2",
@@ -42,12 +42,12 @@ PALETTE = {
     "black": "#1A1A1A",
     "yellow": "#F0E442",
 }
-"""Okabe and Ito, "Color Universal Design" (2008); black a little softened, yellow last."""
+"""Palette of Okabe and Ito, "Color Universal Design" (2008); black slightly softened."""
 TRUTH, ESTIMATE, COMMAND = PALETTE["blue"], PALETTE["vermillion"], PALETTE["black"]
 GUIDE = "#8A8F98"
-"""Roles that keep their colour in every figure."""
+"""Colours of roles, equal in every figure: truth, estimate, command and guide line."""
 GROUND = "#C9B48A"
-"""The sea floor"""
+"""Colour of the sea floor"""
 SEQUENTIAL_MAP = "cividis"
 
 _RC: dict[Any, Any] = {
@@ -64,9 +64,9 @@ _RC: dict[Any, Any] = {
     "figure.constrained_layout.use": True, "figure.constrained_layout.h_pad": 0.05,
 }  # fmt: skip
 TIME_UNITS = ((7200.0, 3600.0, "h"), (300.0, 60.0, "min"), (0.0, 1.0, "s"))
-"""Longest duration first: (from this duration [s], seconds per unit, unit)."""
+"""Rows (least duration [s], seconds per unit, unit), the longest duration first."""
 OTHER_COLOURS = tuple(c for name, c in PALETTE.items() if name not in ("blue", "black"))
-"""Colours of tracks beside the truth"""
+"""Colours of dead-reckoned tracks beside the truth"""
 END: dict[str, Any] = {"mfc": "white", "mec": COMMAND, "mew": 1.2, "ls": "none"}
 """Marker of a track's start or end"""
 MINUTE, DAY = 60.0, 86400.0  # [s]
@@ -75,13 +75,13 @@ LABEL = "time, UTC"
 
 @contextlib.contextmanager
 def styled() -> Iterator[None]:
-    """Within it, new axes take the project's look."""
+    """Apply the project's style to axes that are made within this context."""
     with matplotlib.rc_context(_RC):
         yield
 
 
 def new_figure(width: float = COLUMN_WIDTH, height: float = 2.6) -> Figure:
-    """An empty figure of `width` by `height` [in]; call it inside `styled()`."""
+    """Make an empty figure of `width` by `height` [in]; call this inside `styled()`."""
     return Figure(figsize=(width, height), layout="constrained")
 
 
@@ -98,7 +98,7 @@ def length_unit(*arrays: Array) -> tuple[float, str]:
 
 
 def depth_axis(axes: Axes, deepest: float, *, label: bool = True) -> None:
-    """Depth positive down from the surface at the top; `deepest` [m] sets the range."""
+    """Set a depth axis, positive down from the surface at the top; `deepest` [m] sets the range."""
     bottom = max(deepest * 1.06, 1.0)
     axes.set_ylim(bottom, 0.0)
     if label:
@@ -106,7 +106,7 @@ def depth_axis(axes: Axes, deepest: float, *, label: bool = True) -> None:
 
 
 def track_look(index: int) -> dict[str, Any]:
-    """Colour and dashes of a track beside the truth; no two of the first 28 are alike."""
+    """Colour and dashes of a track beside the truth; the first 24 tracks all differ."""
     return {
         "color": OTHER_COLOURS[index % len(OTHER_COLOURS)],
         "ls": ("-", "--", "-.", ":")[index // len(OTHER_COLOURS) % 4],
@@ -114,13 +114,13 @@ def track_look(index: int) -> dict[str, Any]:
 
 
 def thin(*arrays: Array, most: int = 4000) -> tuple[Array, ...]:
-    """Every n-th sample so that at most `most` are left: enough for any printed width."""
+    """Take every n-th sample so that at most `most` are left: enough for any printed width."""
     step = max(1, -(-len(arrays[0]) // most))
     return tuple(np.asarray(a)[::step] for a in arrays)
 
 
 def pad_limits(axes: Axes, *, least: float, which: str = "y") -> None:
-    """Widen an axis whose data hardly vary to a span of `least`, so that noise stays small."""
+    """Widen an axis to a span of at least `least`, so that noise stays small."""
     low, high = getattr(axes, f"get_{which}lim")()
     if abs(high - low) < least:
         middle = (low + high) / 2
@@ -128,14 +128,14 @@ def pad_limits(axes: Axes, *, least: float, which: str = "y") -> None:
 
 
 def legend_above(axes: Axes, columns: int, at: float = 0.97, **look: Any) -> None:
-    """Names in the corner above the axes, where no curve is; `at` is their lower edge over the
-    height of the axes."""
+    """Draw the legend at the right corner above the axes, where no curve is; `at` is its lower
+    edge over the height of the axes."""
     corner: Any = {"loc": "lower right", "bbox_to_anchor": (1.0, at), "borderaxespad": 0.1}
     axes.legend(**corner, ncols=columns, **look)
 
 
 def colour_bar(axes: Axes, drawn: ScalarMappable, label: str, **look: Any) -> Colorbar:
-    """The bar beside the axes that says what the colours of `drawn` mean."""
+    """Draw the colour bar of `drawn` beside the axes."""
     bar = axes.figure.colorbar(drawn, ax=axes, **look)
     bar.set_label(label)
     bar.outline.set_visible(False)
@@ -143,26 +143,26 @@ def colour_bar(axes: Axes, drawn: ScalarMappable, label: str, **look: Any) -> Co
 
 
 def say_instead(axes: Axes, text: str) -> None:
-    """A line of text in place of what the axes would show."""
+    """Write a line of text in place of the axes' content."""
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center")
     axes.set_axis_off()
 
 
 class DateLocator(Locator):
-    """Ticks at round moments on an axis that counts `seconds` each from the unix time `start`."""
+    """Ticks at round dates on an axis whose unit is `seconds` and whose 0 is unix time `start`."""
 
     def __init__(self, start: float, seconds: float, most: int = 7):
         self._start, self._seconds = start, seconds
         self._dates = AutoDateLocator(minticks=3, maxticks=most)
 
     def __call__(self) -> Sequence[float]:
-        """Ticks of what the axis shows."""
+        """Ticks for the axis's present view."""
         assert self.axis is not None
         low, high = self.axis.get_view_interval()
         return self.tick_values(low, high)
 
     def tick_values(self, vmin: float, vmax: float) -> Sequence[float]:
-        """Ticks between two values of the axis, with the ends where dates are rounder."""
+        """Ticks between two values of the axis, as the date locator chooses them."""
         ends = (moment_of(self._start + self._seconds * x) for x in sorted((vmin, vmax)))
         days = np.asarray(self._dates.tick_values(*ends), float)
         found: list[float] = ((days * DAY - self._start) / self._seconds).tolist()
@@ -170,17 +170,17 @@ class DateLocator(Locator):
 
 
 class DateFormatter(Formatter):
-    """Writes such ticks: the time of day, below it the date where a day begins; or the date."""
+    """Labels of date ticks: time of day over the date, or day over year, each only when new."""
 
     def __init__(self, start: float, seconds: float):
         self._start, self._seconds = start, seconds
 
     def __call__(self, x: float, pos: int | None = None) -> str:
-        """One moment, as where the pointer is."""
+        """Text of one moment, as at the mouse pointer."""
         return f"{moment_of(self._start + self._seconds * x):%Y-%m-%d %H:%M:%S}"
 
     def format_ticks(self, values: Sequence[float]) -> list[str]:
-        """The texts of all ticks of the axis."""
+        """Texts of all ticks of the axis."""
         moments = [moment_of(self._start + self._seconds * x) for x in values]
         steps = np.diff([one.timestamp() for one in moments])
         step = float(steps.min()) if len(steps) else 0.0
@@ -197,7 +197,7 @@ class DateFormatter(Formatter):
 
 
 def moment_of(unix: float) -> datetime.datetime:
-    """The moment of a unix time [s], to the second."""
+    """Date and time of a unix time [s], rounded to the second."""
     return datetime.datetime.fromtimestamp(round(unix), datetime.UTC)
 
 
@@ -206,22 +206,22 @@ def draw_dates(axes: Axes, start: float, seconds: float) -> None:
 
     Args:
       start: unix time [s] at 0 of the axis.
-      seconds: of one on the axis.
+      seconds: [s] unit of the axis.
     """
     axes.xaxis.set_major_locator(DateLocator(start, seconds))
     axes.xaxis.set_major_formatter(DateFormatter(start, seconds))
 
 
 def label_time(axes: Axes, unit: str) -> None:
-    """The label of a time axis that counts from the start."""
+    """Label a time axis that counts from the start."""
     axes.set_xlabel(f"time [{unit}]")
 
 
 def label_mission_time(axes: Axes, trajectory: Trajectory, seconds: float, unit: str) -> None:
-    """Label a time axis of a mission, of a log with dates.
+    """Label a mission's time axis; the axis of a log gets dates.
 
     Args:
-      seconds: of one on the axis, whose name is `unit`.
+      seconds: [s] unit of the axis, whose name is `unit`.
     """
     start = trajectory.provenance.get(START_TIME) if is_logged(trajectory.provenance) else None
     if start is None:

@@ -1,4 +1,4 @@
-"""Data hubs: `factory export --to huggingface` and `--to lerobot`, by entry points."""
+"""Hubs: registry entries of the export formats `huggingface` and `lerobot`, for data hubs."""
 
 from factory.exporting import Exporter
 
@@ -10,7 +10,7 @@ HUGGINGFACE = Exporter(
     takes=("metadata",),
     extra="parquet",
 )
-"""A store as a folder that `datasets.load_dataset` opens."""
+"""Export of a store as a folder that `datasets.load_dataset` opens."""
 
 LEROBOT = Exporter(
     name="lerobot",
@@ -20,4 +20,4 @@ LEROBOT = Exporter(
     takes=("metadata",),
     extra="parquet",
 )
-"""A store as a folder that `LeRobotDataset` opens."""
+"""Export of a store as a folder that `LeRobotDataset` opens."""

@@ -1,7 +1,7 @@
-"""Hugging Face: Parquet files of each split, and the card that says which is which.
+"""Hugging Face: export of missions as Parquet files per split, with a data card.
 
-Data card: the README.md of a data set, with the front matter that data hubs read, and the
-identifier that they know for what people wrote as a licence.
+The data card is the README.md of a data set. Its front matter, which hubs read, lists the files of
+each split and the licence's identifier.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from twin.records.coordinates import NOMINAL, NOMINAL_WORDS
 from twin.records.schema import VARIABLES
 
 UNKNOWN, OTHER = "unknown", "other"
-"""Identifiers for data of which nobody said a licence, and for one that hubs do not list"""
+"""Licence identifiers for data without a stated licence, and for a licence that hubs do not list"""
 KNOWN = frozenset(
     {
         *("apache-2.0", "mit", "bsd-2-clause", "bsd-3-clause", "cc0-1.0"),
@@ -31,16 +31,16 @@ KNOWN = frozenset(
         *("cdla-permissive-1.0", "cdla-permissive-2.0", "etalab-2.0", "gpl-3.0", "eupl-1.2"),
     }
 )
-"""Those of Hugging Face's list that data have"""
+"""Licence identifiers for data in Hugging Face's list"""
 _URL = re.compile(r"creativecommons\.org/(?:licenses/([a-z-]+)|publicdomain/(zero))/(\d\.\d)")
 _WORDS = {"creative commons attribution": "cc-by", "creative commons": "cc", "public domain": ""}
 
 
 def licence_identifier(text: str) -> str:
-    """What a hub calls a licence: `unknown` for none, `other` for one that is not on its list.
+    """Identifier of a licence on hubs: `unknown` without a licence, `other` if hubs do not list it.
 
     Args:
-      text: as people write it: CC-BY-4.0, CC BY 4.0, an address of Creative Commons.
+      text: licence in any usual form: CC-BY-4.0, CC BY 4.0, a URL of Creative Commons.
     """
     said = " ".join(text.lower().split())
     if not said or said == UNKNOWN:
@@ -59,14 +59,14 @@ def licence_identifier(text: str) -> str:
 
 SIZES = ((10**3, "n<1K"), (10**4, "1K<n<10K"), (10**5, "10K<n<100K"), (10**6, "100K<n<1M"),
          (10**7, "1M<n<10M"), (10**8, "10M<n<100M"), (10**9, "100M<n<1B"))  # fmt: skip
-"""Rows below which a hub's class of sizes holds"""
+"""Hubs' size classes, each with the number of rows below which it holds"""
 LARGEST = "n>1B"
 TAGS = ("underwater-glider", "oceanography", "time-series", "navigation")
 SOFTWARE = "glider-twin"
 
 
 def split_name(word: str) -> str:
-    """The split that readers know; missions of no split are for training, as hubs have it."""
+    """Split of the data set for a mission's split; a mission without a split is for training."""
     return word if word in SPLITS else "train"
 
 
@@ -83,11 +83,11 @@ def write_card(
     """Write README.md into a folder.
 
     Args:
-      missions: that the data set holds.
-      metadata: what people said: title, summary, license, citation, references and others.
-      configs: front matter that says which files belong to which split.
-      tags: beside those of all.
-      layout: a paragraph on files and columns, Markdown.
+      missions: missions in the data set.
+      metadata: title, summary, license, citation, references and others, as the user gave them.
+      configs: front matter with the files of each split.
+      tags: tags to add to TAGS.
+      layout: paragraph on files and columns, in Markdown.
     """
     import yaml
 
@@ -209,7 +209,7 @@ def _origin(run: MissionStore) -> str:
 
 
 LARGEST_FILE = 400_000_000
-"""[bytes] after which a split goes on in a further file; hubs ask for less than 500 MB"""
+"""[byte] File size after which a split continues in another file; hubs ask for below 500 MB"""
 FOLDER = "data"
 LAYOUT = (
     "`data/SPLIT-NNNNN.parquet`: a row for every sample, a row group for every mission. The "
@@ -235,7 +235,7 @@ def export_huggingface(
     Raises:
       ModuleNotFoundError: pyarrow is not installed.
       OSError: the disk refuses.
-      StoreError: no such mission, or its data cannot be read.
+      StoreError: a mission is missing or cannot be read.
     """
     flat = FlatTable(run)
     (folder / FOLDER).mkdir()
@@ -244,7 +244,7 @@ def export_huggingface(
     for split in SPLITS:
         some = [mission for mission in missions if split_name(run.splits[mission]) == split]
         if some:
-            tables = _told((flat.rows(mission) for mission in some), advance)
+            tables = _advancing((flat.rows(mission) for mission in some), advance)
             written += write_files(tables, flat.schema, folder / FOLDER, split)
             configs.append({"split": split, "path": f"{FOLDER}/{split}-*.parquet"})
     files = [{"config_name": "default", "data_files": configs}]
@@ -254,7 +254,7 @@ def export_huggingface(
 
 
 def write_files(tables: Iterator[Any], schema: Any, folder: Path, name: str) -> list[Path]:
-    """Tables one after the other in files `NAME-NNNNN.parquet` of bounded size."""
+    """Write tables in order into files `NAME-NNNNN.parquet` of bounded size."""
     pq = import_module("pyarrow.parquet")
     written: list[Path] = []
     writer = None
@@ -273,7 +273,7 @@ def write_files(tables: Iterator[Any], schema: Any, folder: Path, name: str) -> 
     return written
 
 
-def _told(tables: Iterator[Any], advance: Advance) -> Iterator[Any]:
+def _advancing(tables: Iterator[Any], advance: Advance) -> Iterator[Any]:
     for table in tables:
         yield table
         advance()

@@ -1,8 +1,8 @@
-"""LeRobot: missions as episodes in files of format v3.0.
+"""LeRobot: export of missions as episodes in files of format v3.0.
 
-Many episodes share a file; meta/episodes says where each begins. Features: which signals are
-states, which are actions, and their statistics, of an episode and of all, with which LeRobot's
-policies scale. Source: the definition of the format in LeRobot 0.4.4 (lerobot/datasets), which
+Many episodes share a file; meta/episodes holds where each episode begins. Features divide the
+signals into states and actions. Their statistics, per episode and in total, scale the inputs of
+LeRobot's policies. Source: the definition of the format in LeRobot 0.4.4 (lerobot/datasets), which
 reads these files.
 """
 
@@ -33,24 +33,24 @@ STATE, TRUTH, ACTION, OTHER = (
     "action",
     "other",
 )
-"""Names of the vectors. Policies take those that begin with observation or action; `other` has
-signals with gaps, NaN between fixes and without lock, and commands that no part carries out"""
+"""Names of the vectors. Policies use the vectors of observations and actions. `other` has signals
+with gaps (NaN between fixes and without lock), and commands to no part, such as setpoints"""
 BY_GROUP = {"measured": STATE, "true": TRUTH, "commanded": ACTION}
 INDICES = {
     "timestamp": "float32", "frame_index": "int64", "episode_index": "int64", "index": "int64",
     "task_index": "int64",
 }  # fmt: skip
-"""Columns that each row has beside the vectors, with their types"""
+"""Types of the columns that each row has in addition to the vectors"""
 
 
 @dataclasses.dataclass(frozen=True)
 class Features:
-    """Signals of each vector, by its name."""
+    """Names of the signals in each vector, by the vector's name."""
 
     vectors: Mapping[str, tuple[str, ...]]
 
     def described(self) -> dict[str, Any]:
-        """As info.json has them."""
+        """Description of vectors and columns for info.json."""
         found: dict[str, Any] = {
             name: {"dtype": "float32", "shape": [len(signals)], "names": list(signals)}
             for name, signals in self.vectors.items()
@@ -60,10 +60,10 @@ class Features:
         }
 
     def read(self, run: MissionStore, mission: int) -> dict[str, Floats]:
-        """The vectors of a mission, each (samples, signals).
+        """Read the vectors of a mission, each (samples, signals).
 
         Raises:
-          StoreError: its data cannot be read.
+          StoreError: the mission cannot be read.
         """
         count = int(run.samples[mission])
         return {
@@ -73,9 +73,9 @@ class Features:
 
 
 def choose_features(run: MissionStore, missions: Sequence[int]) -> Features:
-    """Signals without a gap in any of the missions by their group, the others together.
+    """Divide the signals into vectors: by group if no mission has a gap, else `other`.
 
-    Actions are the commands to the vehicle's parts; a setpoint or the number of a segment is none.
+    Actions are the commands to the vehicle's parts, without setpoints and segment numbers.
 
     Raises:
       StoreError: no measured signal is without gaps, or the data cannot be read.
@@ -108,9 +108,9 @@ QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 
 
 def episode_statistics(values: NDArray[np.generic]) -> Statistics:
-    """Of the columns of (samples, columns); NaN does not count.
+    """Statistics of each column of an array (samples, columns), without NaN.
 
-    A column of nothing but NaN has zeros and a standard deviation of one, and counts zero samples.
+    A column of NaN alone has zeros and standard deviation one, and adds no samples to the count.
     """
     known = np.asarray(values, float).reshape(len(values), -1)
     counts = np.isfinite(known).sum(axis=0)
@@ -127,22 +127,22 @@ def episode_statistics(values: NDArray[np.generic]) -> Statistics:
 
 
 class Total:
-    """Statistics of all episodes from those of each, without their samples.
+    """Statistics of all episodes, pooled from each episode's statistics.
 
-    Quantiles are the means of the episodes' own, by their lengths, as LeRobot makes them.
+    Quantiles are means of the episodes' quantiles weighted by length, as LeRobot computes them.
     """
 
     def __init__(self) -> None:
         self._found: dict[str, Statistics] = {}
 
     def add(self, episode: Mapping[str, Statistics]) -> None:
-        """Take an episode's, by feature."""
+        """Add an episode's statistics, by feature."""
         for name, new in episode.items():
             old = self._found.get(name)
             self._found[name] = dict(new) if old is None else _joined(old, new)
 
     def result(self) -> dict[str, dict[str, list[float]]]:
-        """By feature and statistic, for stats.json."""
+        """Pooled statistics by feature and statistic, for stats.json."""
         return {
             name: {what: values.tolist() for what, values in found.items()}
             for name, found in self._found.items()
@@ -150,7 +150,7 @@ class Total:
 
 
 def _joined(a: Statistics, b: Statistics) -> Statistics:
-    """Of both together (Chan et al., 1979: the parallel algorithm for variances)."""
+    """Pool two sets of statistics (Chan et al., 1979: the parallel algorithm for variances)."""
     count = a["count"] + b["count"]
     share = b["count"] / np.maximum(count, 1.0)
     apart = b["mean"] - a["mean"]
@@ -167,12 +167,12 @@ def _joined(a: Statistics, b: Statistics) -> Statistics:
 
 VERSION = "v3.0"
 CHUNK, FILE_MB, VIDEO_MB = 1000, 100, 200
-"""Files of a folder, and megabytes of a file, as LeRobot has them"""
+"""LeRobot's limits: files in a folder, megabytes in a data file and in a video file"""
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 EPISODES = "meta/episodes/chunk-000/file-000.parquet"
 TASKS, INFO, STATS = "meta/tasks.parquet", "meta/info.json", "meta/stats.json"
 AT_A_TIME = 256
-"""Episodes whose metadata are written in one go"""
+"""Number of episodes whose metadata are written together"""
 LAYOUT = f"""LeRobot data set, format v3.0. An episode is a mission: first all of training, then
 validation, then test (`splits` in meta/info.json). `observation.state` has the measured signals,
 `observation.environment_state` the truth, `action` the commands to the vehicle's parts, each only
@@ -198,7 +198,7 @@ def export_lerobot(
     Raises:
       ModuleNotFoundError: pyarrow is not installed.
       OSError: the disk refuses.
-      StoreError: no such mission, its data cannot be read, or no signal is without gaps.
+      StoreError: a mission is missing or cannot be read, or every measured signal has gaps.
     """
     ordered = [m for split in SPLITS for m in missions if split_name(run.splits[m]) == split]
     writer = _Writer(run, choose_features(run, ordered), folder)
@@ -215,7 +215,7 @@ def export_lerobot(
 
 
 class _Writer:
-    """Files that grow by an episode at a time; a context manager, which closes them."""
+    """Writer of the data set's files, an episode at a time; a context manager that closes them."""
 
     def __init__(self, run: MissionStore, features: Features, folder: Path) -> None:
         self._pa, self._pq = import_module("pyarrow"), import_module("pyarrow.parquet")
@@ -228,7 +228,7 @@ class _Writer:
         self._meta: Any = None
         self._file = -1
         self.files: list[Path] = []
-        """Those that were written"""
+        """Paths of the written files"""
 
     def __enter__(self) -> None:
         pass
@@ -283,7 +283,7 @@ class _Writer:
             self._flush()
 
     def finish(self, counts: dict[str, int]) -> list[Path]:
-        """Write what is known only at the end: information, statistics and tasks."""
+        """Write the files of totals: information, statistics and tasks."""
         import pandas as pd
 
         fps = 1.0 / self._run.period
@@ -315,7 +315,7 @@ class _Writer:
         return paths
 
     def _vector(self, values: Any) -> Any:
-        """A column of vectors; a vector of one is a number, as LeRobot has it."""
+        """Arrow column of vectors; vectors of length one become numbers, as in LeRobot."""
         pa = self._pa
         flat = pa.array(values.ravel(), pa.float32())
         width = values.shape[1]
@@ -353,7 +353,7 @@ class _Writer:
 
 
 def _task(run: MissionStore, mission: int) -> str:
-    """What the vehicle was to do, in words."""
+    """Task of a mission in words, from its segments."""
     if isinstance(run, GeneratedStore):
         kinds = [str(one["mission.kind"]) for one in run.parameters(mission).segments]
         return f"fly {', '.join(dict.fromkeys(kinds))}"

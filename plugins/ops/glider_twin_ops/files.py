@@ -3,27 +3,27 @@
 Lines that begin with a slash are comments. Commands, in `cmdfile`: a line for each parameter,
 `$NAME,VALUE`, and at the end a directive: `$GO` goes on, `$RESUME` dives, `$QUIT` stays at the
 surface. Names, kinds and limits of the parameters are those of the public package basestation3;
-what they ask is in the Parameter Reference Manual, Applied Physics Laboratory, University of
+their meaning is in the Parameter Reference Manual, Applied Physics Laboratory, University of
 Washington, v66.12:
 
     $D_TGT [m]         depth at which it turns
     $T_DIVE [min]      time of a dive with its climb: vertical speed 2 $D_TGT / $T_DIVE
     $T_MISSION [min]   time after which it gives a dive up
-    $MAX_BUOY [g]      heaviest that it may be in the dive
-    $GLIDE_SLOPE [deg] steepest way through the water
+    $MAX_BUOY [g]      largest net mass in the dive
+    $GLIDE_SLOPE [deg] steepest path through the water
 
-To a place that is far it goes as flat as $MAX_BUOY lets it keep its vertical speed.
+Toward a distant target the vehicle glides as flat as its vertical speed and $MAX_BUOY allow.
 
 Targets, in `targets`: a line for each place: its name, then `lat=` and `lon=` as DDMM.mmmm, north
-and east positive, `radius=` [m] at which it is reached, and `goto=` the name of the next one
+and east positive, `radius=` [m] at which it is reached, and `goto=` the name of the next target
 (Seaglider File Formats Manual, School of Oceanography and Applied Physics Laboratory, University of
 Washington, v66.12).
 
-Science, in `science`: a line for each layer, from the surface down, by which it samples: the depth
-[m] at which it ends, seconds between samples, for each sensor a digit (every how many samples it is
-read; 0 is off), and seconds between two looks at pitch, roll and depth. Newer vehicles write the
-last three as `seconds=`, `sensors=` and `gc=`, and may have more of the kind, which are kept. Both
-forms are those of the public package basestation3.
+Science, in `science`: a line for each layer of depth, from the surface down. It has the depth [m]
+at which the layer ends, seconds between samples, a digit for each sensor (2: read at every second
+sample; 0: off), and seconds between checks of pitch, roll and depth. Newer vehicles write the last
+three as `seconds=`, `sensors=` and `gc=`; further keys of that form are kept. Both forms are those
+of the public package basestation3.
 """
 
 from __future__ import annotations
@@ -41,26 +41,26 @@ from twin.mission import SteadyGlide, degrees, degrees_minutes, steady_glide, wa
 TARGETS = "targets"
 TARGET_KEYS = ("lat", "lon", "radius", "goto")
 TARGET_OPTIONS = ("escape", "depth", "finish", "timeout")
-"""Keys that say when a target is given up, or reached by depth or by a line: kept out"""
+"""Keys for other ends of a leg, by depth, line or time, which the mission does not have"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SeagliderTarget:
-    """One place [degree]."""
+    """Target of a Seaglider; latitude and longitude in degree."""
 
     name: str
     latitude: float
     longitude: float
     radius_m: float
     goto: str
-    """Name of the next one; its own where it stays"""
+    """Name of the next target; a last target names itself"""
 
 
 def targets_of(mission: Mission) -> tuple[SeagliderTarget, ...]:
-    """Places of a mission to waypoints, T1, T2, ...; it stays at the last.
+    """Targets T1, T2, ... of a mission to waypoints; the vehicle stays at the last.
 
     Raises:
-      MissionError: another kind of mission, or places that are given from the start.
+      MissionError: another kind of mission, or places that are relative to the start.
     """
     segment = waypoints_of(mission, "targets of a Seaglider")
     count = len(segment.targets)
@@ -77,7 +77,7 @@ def targets_of(mission: Mission) -> tuple[SeagliderTarget, ...]:
 
 
 def targets_text(targets: Sequence[SeagliderTarget]) -> str:
-    """Text of the file."""
+    """Text of the file `targets`."""
     return "".join(
         f"{one.name} lat={degrees_minutes(one.latitude)} lon={degrees_minutes(one.longitude)} "
         f"radius={one.radius_m:.0f} goto={one.goto}\n"
@@ -86,7 +86,7 @@ def targets_text(targets: Sequence[SeagliderTarget]) -> str:
 
 
 def _lines(path: str | Path, what: str) -> Iterator[tuple[str, str]]:
-    """Place and text of each line of a file that is no comment."""
+    """Yield location and text of each line of a file that is no comment."""
     lines = read_text(Path(path), what, MissionError).splitlines()
     for number, line in enumerate(lines, start=1):
         said = line.strip()
@@ -98,8 +98,8 @@ def read_targets(path: str | Path) -> tuple[SeagliderTarget, ...]:
     """Read the places of a file, in its order.
 
     Raises:
-      MissionError: it cannot be read, a line lacks a key or has one that is not known, a place is
-        no DDMM.mmmm, or `goto` names no place of the file.
+      MissionError: the file cannot be read, a line lacks a key or has an unknown one, a place is no
+        DDMM.mmmm, or `goto` names no target of the file.
     """
     name = Path(path).name
     found = tuple(_target(where, said) for where, said in _lines(path, TARGETS))
@@ -143,12 +143,12 @@ LIMITS: Mapping[str, tuple[float, float]] = {
     "MAX_BUOY": (-600.0, 600.0),
     "GLIDE_SLOPE": (-90.0, 90.0),
 }
-"""Of the parameters that say a dive, in their units; whole ones have whole limits"""
+"""Limits of a dive's parameters in their units; limits of type int mean a whole number"""
 LATER, TURN = 1.5, 10.0
-"""$T_MISSION over $T_DIVE, and [min] on top: neither water that rises or sinks nor the pump's time
-below must end a dive"""
+"""$T_MISSION is LATER times $T_DIVE plus TURN [min], so that neither vertical water motion nor
+pumping at depth aborts a dive"""
 STEEPEST, FLATTEST = 59.0, 8.0
-"""[degree] of pitch within which a glide is looked for"""
+"""[degree] Steepest and flattest pitch at which a glide is sought"""
 GRAMS, MINUTE = 1000.0, 60.0
 _HALVINGS = 40
 
@@ -158,7 +158,7 @@ def commands_of(mission: Mission, vehicle: Vehicle) -> dict[str, float]:
 
     Raises:
       MissionError: another kind of mission, a climb that differs from the dive, a glide that the
-        vehicle has not, or a value that no Seaglider takes.
+        vehicle cannot hold, or a value beyond a Seaglider's limits.
     """
     segment = waypoints_of(mission, "commands of a Seaglider")
     for name in ("pitch_deg", "net_mass_kg"):
@@ -182,16 +182,16 @@ def commands_of(mission: Mission, vehicle: Vehicle) -> dict[str, float]:
 
 
 def commands_text(commands: Mapping[str, float], directive: str = GO) -> str:
-    """Text of the file."""
+    """Text of the file `cmdfile`."""
     return "".join(f"${name},{value:g}\n" for name, value in commands.items()) + directive + "\n"
 
 
 def read_commands(path: str | Path) -> dict[str, float]:
-    """Read the parameters of a file by their names, of every name; the directive is left out.
+    """Read all parameters of a file, by their names; the directive is left out.
 
     Raises:
-      MissionError: it cannot be read, a line is neither a parameter nor a directive, a value is no
-        number or beyond its limits, or there is no directive.
+      MissionError: the file cannot be read or has no directive, a line is neither a parameter nor a
+        directive, or a value is no number or beyond its limits.
     """
     found: dict[str, float] = {}
     directed = False
@@ -216,10 +216,10 @@ def read_commands(path: str | Path) -> dict[str, float]:
 def commanded(
     commands: Mapping[str, float], targets: Sequence[SeagliderTarget], vehicle: Vehicle
 ) -> Mission:
-    """Mission that commands and targets say: a dive from surfacing to surfacing.
+    """Mission of commands and targets, with one dive between two surfacings.
 
     Raises:
-      MissionError: a parameter of the dive is missing, or the vehicle has no such glide.
+      MissionError: a parameter is missing, no such glide, or targets of different radii.
     """
     for name in ("D_TGT", "T_DIVE", "MAX_BUOY", "GLIDE_SLOPE"):
         if name not in commands:
@@ -250,19 +250,19 @@ def commanded(
 
 
 def _slope(glide: SteadyGlide, pitch_deg: float) -> float:
-    """[degree] of the way through the water below the horizontal."""
+    """[degree] Glide angle below the horizontal."""
     return pitch_deg + math.degrees(glide.angle_of_attack)
 
 
 def _pitch(vehicle: Vehicle, mass: float, rate: float) -> float:
-    """Pitch [degree], positive, at which the vehicle sinks so fast [m/s]; the nearest it has."""
+    """Pitch [degree], positive, at which the vehicle sinks at `rate` [m/s], or nearly so."""
     low, high = FLATTEST, STEEPEST
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         try:
             slow = steady_glide(vehicle, -math.radians(middle), mass).vertical_speed < rate
         except MissionError:
-            slow = True  # flatter than it glides
+            slow = True  # too flat to glide
         low, high = (middle, high) if slow else (low, middle)
     return round(high, 2)
 
@@ -278,32 +278,32 @@ def _check(where: str, name: str, value: float) -> None:
 SCIENCE = "science"
 SCIENCE_KEYS = ("seconds", "sensors", "gc")
 LEAST_PART, MOST_PART = 0.05, 4.0
-"""Of the samples, that a sparser or denser file may have"""
+"""Limits of the samples in a sparser or denser file, as a multiple of those before"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ScienceLayer:
-    """How often it samples down to a depth."""
+    """Sampling within one layer of depth."""
 
     depth: str
-    """[m], as the file has it; or `loiter`"""
+    """[m] Lower end, as the file writes it; or `loiter`"""
     seconds: float
-    """Between samples"""
+    """[s] Time between samples"""
     sensors: str
-    """A digit for each"""
+    """Digit for each sensor: 2 is read at every second sample, 0 is off"""
     gc: str
-    """[s] between two looks of its guidance"""
+    """[s] Time between checks by guidance and control"""
     more: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    """What else newer vehicles have"""
+    """Further keys of newer vehicles"""
     named: bool = False
-    """Whether the file names its values"""
+    """True where the file writes each value with its key"""
 
 
 def read_science(path: str | Path) -> tuple[ScienceLayer, ...]:
     """Read the layers of a file, from the surface down.
 
     Raises:
-      MissionError: it cannot be read, holds no layer, or a line is none.
+      MissionError: the file cannot be read or holds no layer, or a line is no layer.
     """
     name = Path(path).name
     found = tuple(_layer(where, said.split()) for where, said in _lines(path, SCIENCE))
@@ -316,10 +316,10 @@ def read_science(path: str | Path) -> tuple[ScienceLayer, ...]:
 
 
 def sparser(layers: Sequence[ScienceLayer], part: float) -> tuple[ScienceLayer, ...]:
-    """Layers with a part of the samples, to the second.
+    """Thin layers to a fraction of their samples; times are rounded to the second.
 
     Raises:
-      MissionError: a part that leaves nothing, or that no sensor follows.
+      MissionError: the fraction is beyond its limits.
     """
     if not LEAST_PART <= part <= MOST_PART:
         raise MissionError(
@@ -331,7 +331,7 @@ def sparser(layers: Sequence[ScienceLayer], part: float) -> tuple[ScienceLayer, 
 
 
 def science_text(layers: Sequence[ScienceLayer]) -> str:
-    """Text of the file."""
+    """Text of the file `science`."""
     text = ""
     for one in layers:
         values = {"seconds": f"{one.seconds:g}", "sensors": one.sensors, "gc": one.gc, **one.more}

@@ -1,11 +1,11 @@
-"""Pipelines: results of a flight model in the netCDF files of pyglider and basestation3.
+"""Pipelines: add results of a flight model to the netCDF files of pyglider and basestation3.
 
 from glider_twin_pipelines import add_flight
 
 add_flight("L0-timeseries/dfo-eva035-20190718.nc", vehicle="mine.xml")
 
-All variables are added to a file, or none. What was in it stays, byte for byte as it reads; a
-variable of an earlier run is replaced, and a file that already says the same is left alone.
+A file gets all variables or none. Its other content keeps its values bit for bit. Variables from
+an earlier run are replaced, and a file with equal variables is not written again.
 """
 
 from __future__ import annotations
@@ -31,27 +31,27 @@ KINDS = {
     "ngdac": "a time series of pyglider",
     "seaglider": "a dive of basestation3",
 }
-"""Kinds of files that are added to, by the names of `factory import`"""
+"""Supported files in words, by their format's name in `factory import`"""
 CLOCK = "time"
-"""Name of the times of the samples, with pyglider and with basestation3"""
+"""Name of the variable of sample times in files of pyglider and basestation3"""
 COORDINATES = (CLOCK, "depth", "latitude", "longitude")
-"""Named as coordinates of what is added, where they are along the same dimension"""
+"""Variables that are named as coordinates of added variables, if they have the same dimension"""
 OURS = "glider-twin"
-"""Beginning of the attribute `source` of added variables"""
+"""Prefix of the attribute `source` of added variables"""
 
 
 def add_flight(path: str | Path, vehicle: str | None = None) -> bool:
-    """Add what a flight model says to a time series of pyglider; whether the file changed.
+    """Add a flight model's results to a time series of pyglider; returns True if the file changed.
 
     Args:
-      path: what `raw_to_timeseries` or `binary_to_timeseries` wrote.
-      vehicle: what `twin identify` wrote, or the name of a shipped vehicle; default the shipped one
-        of the log's kind.
+      path: file that `raw_to_timeseries` or `binary_to_timeseries` wrote.
+      vehicle: file that `twin identify` wrote, or the name of a shipped vehicle; None takes the
+        shipped vehicle for the log's type.
 
     Raises:
-      InputError: another kind of file, one without what a flight model reads, or one that has a
-        variable of such a name by others; it says which. VehicleError: no such vehicle.
-      WriteError: the disk refuses. The file is as it was after every error.
+      InputError: the file has another format, lacks a flight model's inputs, or has a variable of
+        an added name from another program (named). VehicleError: the vehicle is missing.
+      WriteError: the disk refuses. After every error the file is unchanged.
     """
     return bool(add_flights([path], vehicle))
 
@@ -61,18 +61,18 @@ def add_flights(
     vehicle: str | None = None,
     write: Sequence[str | Path] | None = None,
 ) -> list[Path]:
-    """Add what a flight model says to files of one deployment; those that changed.
+    """Add a flight model's results to files of one deployment; returns the changed files.
 
     Args:
       paths: dives of one Seaglider by basestation3, which are read together, or one time series of
         pyglider.
-      vehicle: as `add_flight`.
-      write: those of them that are added to, all by default; the rest are only read, since a track
-        is the surer the more fixes are on either side.
+      vehicle: see `add_flight`.
+      write: files among `paths` to add to; None takes all. The others are only read: fixes before
+        and after a dive make its track more accurate.
 
     Raises:
-      InputError, VehicleError, WriteError: as `add_flight`. Files before the one that fails are
-        done.
+      InputError, VehicleError, WriteError: as in `add_flight`. Files before the one that fails are
+        changed.
     """
     files = [Path(path) for path in paths]
     chosen = files if write is None else [Path(path) for path in write]
@@ -98,10 +98,10 @@ def add_flights(
 
 
 def times_of(path: Path) -> NDArray[np.float64]:
-    """[s] unix times of the samples, (samples,), NaN for none.
+    """[s] Unix times of the samples, (samples,); NaN for missing times.
 
     Raises:
-      InputError: no netCDF file.
+      InputError: the file is no netCDF file.
     """
     with open_netcdf(path) as file:
         clock = file.variables[CLOCK]
@@ -109,10 +109,10 @@ def times_of(path: Path) -> NDArray[np.float64]:
 
 
 def add_variables(path: Path, variables: Mapping[str, Og1Variable]) -> bool:
-    """Add variables along the samples of a file; whether it changed.
+    """Add variables along the samples of a file; returns True if the file changed.
 
     Raises:
-      InputError: the file has a variable of such a name that is not ours.
+      InputError: the file has a variable of an added name from another program.
       WriteError: the disk refuses.
     """
     with open_netcdf(path) as file:
@@ -146,7 +146,7 @@ def add_variables(path: Path, variables: Mapping[str, Og1Variable]) -> bool:
 
 
 def _stored(one: Og1Variable) -> NDArray[Any]:
-    """Values as the file has them: with the fill value, in its type."""
+    """Values for the file: in the variable's type, with the fill value for NaN."""
     return np.where(np.isnan(one.values), np.array(one.fill), one.values).astype(one.kind)
 
 
@@ -160,7 +160,7 @@ def _attributes(file: Any, one: Og1Variable) -> dict[str, Any]:
 
 
 def _same(file: Any, name: str, one: Og1Variable) -> bool:
-    """Compare a variable of the file with a new one."""
+    """True if the file has the variable with equal values and attributes."""
     if name not in file.variables:
         return False
     said = {key: str(value) for key, value in attributes_of(file[name]).items()}

@@ -1,4 +1,4 @@
-"""The command `python -m glider_twin_pipelines`: adds to files, as a pipeline's step calls it."""
+"""Command `python -m glider_twin_pipelines`: add a flight model's results, as a pipeline's step."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PROGRAM = "python -m glider_twin_pipelines"
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Add what a flight model says to the named files; 0, or 1 with the reason on stderr."""
+    """Add a flight model's results to the named files; a failure exits with 1 and a reason."""
     parser = argparse.ArgumentParser(prog=PROGRAM, description=main.__doc__)
     add = parser.add_argument
     add("files", nargs="+", type=Path, help="dives of basestation3 together, or one time series of "

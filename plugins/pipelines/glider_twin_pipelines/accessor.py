@@ -6,7 +6,7 @@
     ds = xr.open_dataset("deployment.nc")
     ds.glider.flight(vehicle="mine.xml")["VERT_CURR_MODEL"]
 
-For data sets of OceanGliders OG1.0, the National Glider DAC, pyglider and basestation3.
+Data sets may be those of OceanGliders OG1.0, the National Glider DAC, pyglider and basestation3.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ if TYPE_CHECKING:
 
 
 CLOCKS = ("TIME", "time")
-"""Names of the times of the measurements"""
+"""Names of the variable of measurement times"""
 DESCRIBED = ("units", "long_name", "standard_name")
 PAGE = "docs/howto/pipelines.md, your own vehicle"
 
 
 @xr.register_dataset_accessor("glider")
 class GliderAccessor:
-    """`ds.glider`: what a flight model says of the glider's measurements in `ds`.
+    """Accessor `ds.glider`: results of a flight model for the glider's measurements in `ds`.
 
-    Each method takes a vehicle: what `twin identify` wrote, or the name of a shipped one; by
-    default the shipped one of the log's kind. Each raises InputError for a data set of another
-    layout, or without what a flight model reads, and VehicleError without such a vehicle.
+    Each method takes a vehicle: a file that `twin identify` wrote, or the name of a shipped
+    vehicle; None takes the shipped vehicle for the log's type. Each raises InputError if the data
+    set has another layout or lacks inputs, and VehicleError if the vehicle is missing.
     """
 
     def __init__(self, dataset: xr.Dataset) -> None:
@@ -52,20 +52,20 @@ class GliderAccessor:
     def flight(self, vehicle: str | None = None) -> xr.Dataset:
         """Speed through the water, angle of attack, vertical velocity of the water [m s-1, degree].
 
-        At the times of the data set, on its own dimension: `ds.assign(found.data_vars)` adds them.
-        NaN between the dives.
+        Values are at the times of the data set, on its own dimension, and NaN between dives;
+        `ds.assign(found.data_vars)` adds them.
         """
         names = [n for n in self.log(vehicle).variables if n not in (*POSITIONS, *CURRENTS)]
         return self._at_samples(vehicle, names)
 
     def track(self, vehicle: str | None = None) -> xr.Dataset:
-        """Corrected positions [degree] and their standard deviation [m], as `flight` has them."""
+        """Corrected positions [degree] and their standard deviation [m], at `flight`'s times."""
         return self._at_samples(vehicle, POSITIONS)
 
     def currents(self, vehicle: str | None = None) -> xr.Dataset:
-        """The depth-averaged current of each dive from fix to fix [m s-1], (dac,).
+        """Depth-averaged current of each dive from fix to fix [m s-1], (dac,).
 
-        Its standard deviation holds for north and east each. Time and place are those of the middle
+        The standard deviation is that of each component. Time and position are those of the middle
         between the fixes.
         """
         found = self.log(vehicle).currents
@@ -90,7 +90,7 @@ class GliderAccessor:
         return xr.Dataset(arrays, attrs={"source": self.log(vehicle).model})
 
     def map(self, vehicle: str | None = None) -> Figure:
-        """The corrected track on a map, with fixes and depth-averaged currents."""
+        """Draw the corrected track on a map, with fixes and depth-averaged currents."""
         from twin.show.figures import MapContent, MapCurrents, draw_map, joined_longitude
 
         log, found = self.log(vehicle), self.currents(vehicle)
@@ -111,7 +111,7 @@ class GliderAccessor:
         return draw_map(content)
 
     def log(self, vehicle: str | None = None) -> ModelledLog:
-        """Log that all of these are made of; computed once for each vehicle."""
+        """Modelled log behind all other methods; computed once per vehicle."""
         if vehicle not in self._logs:
             with tempfile.TemporaryDirectory() as folder:
                 path = Path(folder) / "data_set.nc"
@@ -146,7 +146,7 @@ class GliderAccessor:
 
 
 def unix_times(clock: xr.DataArray) -> Array:
-    """[s] since 1970 of times as xarray holds them, decoded or not, (samples,); NaN for none."""
+    """[s] Unix times from xarray's times, decoded or not, (samples,); NaN for missing times."""
     if clock.dtype.kind == "M":
         seconds = clock.values.astype("datetime64[ns]").astype(np.int64) / 1e9
         return np.where(np.isnat(clock.values), np.nan, seconds)

@@ -1,8 +1,8 @@
-"""Extension of basestation3: adds what a flight model says to the netCDF files of its dives.
+"""Basestation3: extension that adds a flight model's results to the netCDF files of dives.
 
-A line in `.extensions` names this file. The basestation loads it into its own interpreter, whose
-packages glider-twin does not share: so this file needs Python's library alone, and the work is done
-by the interpreter of the environment that this file is installed in.
+A line in `.extensions` names this file. The basestation loads the file into its own interpreter,
+which lacks glider-twin's packages. The file therefore imports only Python's standard library, and
+runs the interpreter of the environment in which it is installed.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from pathlib import Path
 from typing import Any
 
 DIVE = re.compile(r"p\d{7}\.nc")
-"""Name of a dive's file"""
+"""Pattern of the name of a dive's file"""
 BEFORE = 20
-"""Dives before the first new one that are read for their fixes"""
+"""Number of dives before the first new one that are read for their fixes"""
 VEHICLE = "glider_twin.xml"
-"""In the mission's folder: what `twin identify` wrote"""
+"""File in the mission's folder that `twin identify` wrote"""
 PYTHON = "GLIDER_TWIN_PYTHON"
-"""Environment variable: the interpreter of another environment"""
+"""Environment variable with the interpreter of another environment"""
 
 
 def load_additional_arguments() -> tuple[list[str], dict[str, str], dict[str, Any]]:
-    """What the basestation asks of each extension: options of its own that it needs, groups, and
-    further options."""
+    """Arguments of the extension, which the basestation asks for: names of the basestation's
+    options, groups, further options."""
     return ["mission_dir"], {}, {}
 
 
@@ -37,8 +37,8 @@ def main(
     nc_files_created: list[Path] | None = None,
     **_others: Any,
 ) -> int:
-    """Add to the dives that were just made, or to all where none was; 0, or 1 with the reason in
-    the basestation's log. Extensions are given more arguments, by their names."""
+    """Add results to the dives' files just made, or to all if none was; returns 0, or 1 with the
+    reason in the basestation's log. The basestation passes more arguments, which are ignored."""
     from BaseLog import log_error, log_info, log_warning  # the basestation's own
 
     mission = Path(base_opts.mission_dir) if base_opts is not None else Path.cwd()
@@ -68,10 +68,10 @@ def main(
 
 
 def interpreter() -> str:
-    """Path of the Python that has glider-twin: of the environment around this file."""
+    """Path of the Python with glider-twin: from $GLIDER_TWIN_PYTHON, or this file's environment."""
     if os.environ.get(PYTHON):
         return os.environ[PYTHON]
-    packages = Path(__file__).resolve().parent.parent  # the mission has a link to it
+    packages = Path(__file__).resolve().parent.parent  # resolves the mission folder's link
     if packages.name == "site-packages":  # ENVIRONMENT/lib/python3.x/site-packages
         return str(packages.parents[2] / "bin" / "python")
     return sys.executable

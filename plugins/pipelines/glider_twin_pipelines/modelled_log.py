@@ -1,10 +1,10 @@
-"""Modelled log: what a flight model says of the log in some files, at any times, in OG1.0's names.
+"""Modelled log: results of a flight model for a log, at any times, by OG1.0's names.
 
     (log,) = modelled("seaglider", ["p5610002.nc", "p5610003.nc"], "mine.xml")
     log.at(times)["VERT_CURR_MODEL"].values
 
-Speed, angle of attack, vertical velocity of the water, currents and the corrected track are those
-that `factory export --to og1` writes for the same log.
+Speed, angle of attack, vertical velocity of the water, currents and corrected track are equal to
+those that `factory export --to og1` writes for the log.
 """
 
 from __future__ import annotations
@@ -37,48 +37,48 @@ Array = NDArray[np.float64]
 POSITIONS = ("LATITUDE", "LONGITUDE", "POSITION_SD")
 """Variables of the corrected track"""
 CURRENTS = ("DAC_NORTH_MODEL", "DAC_EAST_MODEL", "DAC_SD_MODEL")
-"""Held from fix to fix; all other variables are linear between the samples of the store"""
+"""Variables that are constant from fix to fix; all others are interpolated between samples"""
 W = "VERT_CURR_MODEL"
-"""The vertical velocity of the water"""
+"""Name of the vertical velocity of the water"""
 _OF_THEIR_FILE = ("ancillary_variables", "coordinates")
 """Attributes that name other variables of an OG1.0 file"""
 LONGEST_STEP = 1.5
-"""Periods of the store between two samples of one dive"""
+"""Longest step between two samples of one dive, in periods of the store"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PlacedCurrent:
-    """The depth-averaged current of a dive, with the place of its middle on the track."""
+    """Depth-averaged current of a dive, with the position of the middle of its track."""
 
     current: DiveCurrent
     latitude: float
     longitude: float
-    """[degree]"""
+    """[degree] Longitude; the latitude has the same unit"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ModelledLog:
-    """One deployment, on the samples of its dives."""
+    """Results of a flight model for one deployment, at the samples of its dives."""
 
     deployment: str
     model: str
-    """Which flight model"""
+    """Name of the flight model"""
     time: Array
-    """[s] unix, increasing, (samples,)"""
+    """[s] Unix times, increasing, (samples,)"""
     period: float
-    """[s] of the store"""
+    """[s] Sample period of the store"""
     variables: dict[str, Og1Variable]
-    """By OG1.0's name, values (samples,), NaN where missing"""
+    """Variables by OG1.0's name, with values (samples,), NaN for missing ones"""
     fixes: tuple[Array, Array]
-    """Latitude and longitude [degree] of the fixes that the track goes through, each (fix,)"""
+    """[degree] Latitude and longitude of the fixes on the track, each (fix,)"""
     currents: tuple[PlacedCurrent, ...]
     doubt: str
-    """Why the vehicle does not fit the log; empty where it does"""
+    """Reason why the vehicle does not fit the log; empty if it fits"""
 
     def at(self, times: Array) -> dict[str, Og1Variable]:
-        """The variables at unix times [s], NaN between and beyond the dives and where NaN.
+        """Interpolate the variables to unix times [s]; NaN between and beyond the dives.
 
-        Each has an attribute `source` that begins with `glider-twin`.
+        Each variable gets an attribute `source` that begins with `glider-twin`.
         """
         right = np.clip(np.searchsorted(self.time, times, side="right"), 1, len(self.time) - 1)
         left = right - 1
@@ -115,17 +115,17 @@ class ModelledLog:
 def modelled(
     kind: str, files: Sequence[Path | str], vehicle: str | None = None
 ) -> list[ModelledLog]:
-    """The log in some files, a `ModelledLog` for each deployment.
+    """Model the log in some files; returns a `ModelledLog` for each deployment.
 
     Args:
-      kind: of the files, as `factory import` has it.
-      files: of one or more deployments.
-      vehicle: what `twin identify` wrote, or the name of a shipped vehicle; default the shipped one
-        of the log's kind.
+      kind: format of the files, as named by `factory import`.
+      files: files of one or more deployments.
+      vehicle: file that `twin identify` wrote, or the name of a shipped vehicle; None takes the
+        shipped vehicle for the log's type.
 
     Raises:
-      InputError: files that cannot be read, or whose flight cannot be modelled; it says why.
-      VehicleError: no such vehicle.
+      InputError: files cannot be read, or their flight cannot be modelled (with the reason).
+      VehicleError: the vehicle is missing.
     """
     dataset, _ = import_logs(kind, files)
     with tempfile.TemporaryDirectory() as folder:
@@ -154,7 +154,7 @@ def _modelled(
     logs: LogStore, name: str, missions: Sequence[int], found: FlownTracks
 ) -> ModelledLog:
     time = np.concatenate([logs.time(mission) for mission in missions])
-    # a fix between two dives without a stay at the surface ends one and begins the other
+    # without a surface interval, one fix ends a dive and starts the next: the latter sample counts
     order = len(time) - 1 - np.unique(time[::-1], return_index=True)[1]
     joined = JoinedDives(logs, tuple(missions), order)
     variables = {n: v for n, v in corrected_places(joined, found) if n in POSITIONS}

@@ -1,4 +1,4 @@
-"""Protocols: a vehicle that ArduPilot or ROS 2 drives, and recordings of robots as stores."""
+"""Protocols: servers by which ArduPilot or ROS 2 drives a vehicle, and readers of recordings."""
 
 from typing import TYPE_CHECKING
 

@@ -1,9 +1,9 @@
-"""ArduPilot's JSON interface for SITL: servo pulses in by UDP, the vehicle's state out as JSON.
+"""ArduPilot: server of the JSON interface for SITL, with servo pulses in and vehicle state out.
 
-The protocol: ArduPilot, libraries/SITL/examples/JSON/readme.md. A packet has a magic number, the
-frame rate [Hz], a counter and the pulses [us] of 16 or 32 channels. The answer is a line with time,
-gyroscope, accelerometer, position, quaternion and velocity, north-east-down and
-forward-starboard-down. The vehicle flies one frame for each packet, however long the client takes.
+The protocol is described in ArduPilot, libraries/SITL/examples/JSON/readme.md. A UDP packet has a
+magic number, the frame rate [Hz], a counter and the pulses [us] of 16 or 32 channels. The answer is
+a line of JSON with time, gyroscope, accelerometer, position, quaternion and velocity, in axes
+north-east-down and forward-starboard-down. Each packet advances the vehicle by one frame.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from twin.frames import euler_to_quaternion
 from twin.geodesy import from_tangent_plane
 
 PACKETS = {18458: struct.Struct("<HHI16H"), 29569: struct.Struct("<HHI32H")}
-"""By magic number: layout of a packet"""
+"""Layout of a packet by its magic number"""
 PORT = 9002
-"""Where ArduPilot looks for the physics"""
+"""UDP port to which ArduPilot sends its packets"""
 LOW, MIDDLE, HIGH = 1000.0, 1500.0, 2000.0
-"""[us] of a pulse: the ends of a part's travel, and its rest"""
+"""[us] Pulses for the low end of a part's travel, its rest and the high end"""
 LISTENS = 0.5
-"""[s] for which it waits for a packet before it looks whether it is to end"""
+"""[s] Longest wait for a packet between checks whether to stop"""
 
 
 @dataclass(frozen=True)
 class Channels:
-    """Which part each channel moves."""
+    """Map from servo channels to the vehicle's parts."""
 
     vehicle: Vehicle
     parts: tuple[str, ...]
@@ -46,10 +46,10 @@ class Channels:
 
     @classmethod
     def of(cls, vehicle: Vehicle, names: Sequence[str] = ()) -> Channels:
-        """The channels of a vehicle; without names, its parts in the order of its file.
+        """Channels of the named parts; without names, all parts in the order of the vehicle file.
 
         Raises:
-          InputError: an unknown part, or one twice.
+          InputError: a part is unknown or named twice.
         """
         for name in names:
             if name not in vehicle.part_names:
@@ -60,8 +60,8 @@ class Channels:
         return cls(vehicle, tuple(names) or tuple(vehicle.part_names))
 
     def command(self, pulses: Sequence[int]) -> Command:
-        """Positions of the parts: 1500 us is rest, 1000 and 2000 us are the ends of the travel. A
-        pulse of 0, which is no pulse, is rest."""
+        """Command of part positions: 1500 us is rest, 1000 and 2000 us are the ends of the travel.
+        A pulse of 0 means no pulse, and is rest."""
         positions = {}
         for name, pulse in zip(self.parts, pulses, strict=False):
             part = self.vehicle.part(name)
@@ -76,22 +76,22 @@ class Channels:
 
 @dataclass
 class Served:
-    """Account of a server."""
+    """Counts of a server's packets and frames."""
 
     frames: int = 0
     repeated: int = 0
-    """Packets whose frame was flown already: answered again, not flown again."""
+    """Packets whose frame was simulated before; they only get the same answer again."""
     skipped: int = 0
-    """Frames that never came."""
+    """Frames whose packets never came."""
     refused: int = 0
-    """Packets that were none, or of another client than the one that drives."""
+    """Packets that are invalid or not of the client that drives."""
     restarts: int = 0
     lost: int = 0
-    """Times that the client fell silent and the vehicle went into its failsafe."""
+    """Times that the client fell silent, so that the vehicle flew its failsafe."""
 
 
 class ArduPilotServer:
-    """Answers one client at a time; a context manager that holds the socket."""
+    """Server of one client at a time; a context manager that holds the socket."""
 
     def __init__(
         self,
@@ -108,20 +108,20 @@ class ArduPilotServer:
         """Bind the socket.
 
         Args:
-          flown: the vehicle.
-          channels: of its parts.
-          host, port: where packets arrive; port 0 takes a free one.
-          silence: [s] without a packet after which the client is lost: the vehicle then flies its
-            failsafe in real time until a client comes back.
-          exposed_to: addresses and networks of the clients that may drive, where the host is one
-            that other machines reach. The protocol has no place for a token, and who can send
-            packets with a false address is let in too.
+          flown: vehicle to drive.
+          channels: map from channels to the vehicle's parts.
+          host, port: address to receive packets on; port 0 takes a free one.
+          silence: [s] time without a packet after which the client is lost: the vehicle then flies
+            its failsafe in real time until a client comes back.
+          exposed_to: addresses and networks of the clients that may drive; required for a host that
+            other machines can reach. The protocol has no token, so a client with a forged address
+            is accepted too.
           telemetry: called after each frame.
-          tell: takes a line when a client is refused, once for each.
+          tell: called with a line for each client that is refused.
 
         Raises:
-          InputError: a host that other machines reach without `exposed_to`, one that they do not
-            reach with it, no such address, or the port is taken.
+          InputError: `exposed_to` is missing for a host that other machines can reach, or given for
+            one that they cannot; an address is invalid; or the port is taken.
         """
         self._allowed = [_network(word) for word in exposed_to]
         if not self._allowed and not own_machine(host):
@@ -158,15 +158,15 @@ class ArduPilotServer:
 
     @property
     def address(self) -> tuple[str, int]:
-        """Host and port."""
+        """Host and port of the socket."""
         host, port = self._socket.getsockname()
         return str(host), int(port)
 
     def run(self, until: Callable[[], bool] = lambda: False) -> Served:
-        """Serve until the flight ends or `until` says so; what was served.
+        """Serve until the flight ends or `until` is True; returns the counts.
 
-        Meanwhile Python's collector leaves out everything that was made before: looking through it
-        takes longer than an answer.
+        Meanwhile Python's garbage collector skips all older objects: a full collection takes longer
+        than an answer.
         """
         gc.collect()
         gc.freeze()
@@ -183,13 +183,13 @@ class ArduPilotServer:
             except TimeoutError:
                 silent = time.monotonic() - self._heard >= self.silence
                 if self._client is not None and silent:
-                    self._drift(until)
+                    self._fly_failsafe(until)
                 continue
             self._take(data, sender)
         return self.served
 
     def _take(self, data: bytes, sender: tuple[str, int]) -> None:
-        """Fly the frame of a packet and answer it."""
+        """Simulate the frame of a packet and send the answer."""
         packet = _unpack(data)
         driver = self._client or sender
         why = ""
@@ -209,7 +209,7 @@ class ArduPilotServer:
         if frame == last:
             self.served.repeated += 1
         else:
-            if frame < last:  # ArduPilot was started again
+            if frame < last:  # ArduPilot was restarted
                 self.flown.reset()
                 self.served.restarts += 1
             elif last >= 0:
@@ -218,18 +218,18 @@ class ArduPilotServer:
             self.flown.step(self.channels.command(pulses), 1.0 / rate)
             self._answer = answer(self.flown)
             self.served.frames += 1
-        with contextlib.suppress(ConnectionError):  # a client that has just gone
+        with contextlib.suppress(ConnectionError):  # the client may have gone
             self._socket.sendto(self._answer, sender)
-        if self._telemetry is not None and frame != last:  # while the client thinks
+        if self._telemetry is not None and frame != last:  # after the answer, not to delay it
             self._telemetry(self.flown)
 
     def _may_drive(self, sender: tuple[str, int]) -> bool:
-        """Accept a sender of this machine, or one that the server is exposed to."""
+        """True for a sender on this machine, or in `exposed_to`."""
         address = ipaddress.ip_address(sender[0])
         return address.is_loopback or any(address in one for one in self._allowed)
 
-    def _drift(self, until: Callable[[], bool]) -> None:
-        """The client is lost: fly the failsafe in real time until a packet comes."""
+    def _fly_failsafe(self, until: Callable[[], bool]) -> None:
+        """Fly the failsafe in real time, after the client is lost, until a packet comes."""
         self.served.lost += 1
         self._client = None
         command, begun, first = self.flown.failsafe(), time.monotonic(), self.flown.time
@@ -249,7 +249,7 @@ class ArduPilotServer:
 
 
 def own_machine(host: str) -> bool:
-    """Tell a host that is reached from this machine alone."""
+    """True for a host that only this machine can reach."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -267,7 +267,7 @@ def _network(word: str) -> ipaddress.IPv4Network:
 
 
 def _unpack(data: bytes) -> tuple[float, int, tuple[int, ...]] | None:
-    """Frame rate [Hz], counter and pulses [us] of a packet; None where it is none."""
+    """Frame rate [Hz], counter and pulses [us] of a packet; None for an invalid packet."""
     if len(data) < 2:
         return None
     layout = PACKETS.get(int.from_bytes(data[:2], "little"))
@@ -278,7 +278,7 @@ def _unpack(data: bytes) -> tuple[float, int, tuple[int, ...]] | None:
 
 
 def answer(flown: SteppedVehicle) -> bytes:
-    """The state as the protocol has it."""
+    """Answer to a packet: the vehicle's state as a line of JSON."""
     now = flown.state()
     angles = (math.radians(now[f"true_{name}"]) for name in ("roll", "pitch", "heading"))
     fields = {
@@ -298,22 +298,22 @@ def answer(flown: SteppedVehicle) -> bytes:
 
 
 RATE = 4.0
-"""[Hz] of attitude and position, in the vehicle's time"""
+"""[Hz] Rate of attitude and position messages, in simulated time"""
 SURFACE = 1013.25
-"""[hPa] of the air"""
+"""[hPa] Air pressure at the surface"""
 HPA_PER_METRE = 100.52
-"""[hPa/m] sea water of 1025 kg/m3 at 9.807 m/s2"""
+"""[hPa/m] Pressure gradient of sea water of 1025 kg/m3 at 9.807 m/s2"""
 
 
 class MavlinkTelemetry:
-    """Sends heartbeat, attitude, position and pressure; reads nothing."""
+    """Sender of heartbeat, attitude, position and pressure; incoming messages are not read."""
 
     def __init__(self, address: str, start: tuple[float, float]) -> None:
         """Open the connection.
 
         Args:
-          address: as of pymavlink, such as udpout:127.0.0.1:14550.
-          start: latitude and longitude [degree] of the flight's start.
+          address: address in pymavlink's form, such as udpout:127.0.0.1:14550.
+          start: [degree] latitude and longitude of the flight's start.
 
         Raises:
           ModuleNotFoundError: pymavlink is not installed.
@@ -336,7 +336,7 @@ class MavlinkTelemetry:
         self._link.close()
 
     def __call__(self, flown: SteppedVehicle) -> None:
-        """Send what is due."""
+        """Send the messages that are due."""
         words, send = self._words, self._link.mav
         beat, due = (math.floor(rate * flown.time + 1e-6) for rate in (1.0, RATE))
         if beat != self._beat:  # also after a reset

@@ -1,8 +1,8 @@
-"""Reader of ArduPilot's dataflash logs (.BIN), as ArduSub writes them.
+"""ArduSub reader: ArduPilot's dataflash logs (.BIN) of ArduSub vehicles.
 
-Body axes are forward, starboard, down. Depth is the barometric altitude of CTUN with its sign
-turned. Attitude is the filter's (ATT), whose heading counts from true north where ArduPilot knows
-the declination. The track is the first filter core's position from its origin.
+Body axes are forward, starboard, down. Depth is minus the barometric altitude of CTUN. Attitude is
+the filter's (ATT); its heading is from true north if ArduPilot knows the declination. The track is
+the position of the first filter core, from its origin.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from factory.importing.messages import (
 from twin.errors import InputError
 
 GAP = 10.0
-"""[s] Longer between two samples, the vehicle was switched off"""
+"""[s] Gap between two samples above which the vehicle was off and a new row begins"""
 STANDARD = {
     "measured_depth": Signal(column="CTUN BAlt", unit="m", sign=-1.0),
     "measured_roll": Signal(column="ATT Roll", unit="deg"),
@@ -55,31 +55,31 @@ STANDARD = {
     "onboard_north": Signal(column="XKF1 PN", unit="m"),
     "onboard_east": Signal(column="XKF1 PE", unit="m"),
 }
-"""Signals of ArduPilot's fields, in the units of its documentation where a log names none"""
+"""Signals with their ArduPilot fields, and units for logs that name none"""
 FIRST = ("I", "Instance", "C")
-"""Fields that number sensors and filter cores: the first of them is read"""
+"""Fields with the number of a sensor or filter core; only messages with number 0 are read"""
 FIXED = 3
-"""Least status of a GPS message with a position"""
+"""Smallest status of a GPS message that has a position"""
 
 
 def read_ardusub(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
-    """One log for each file.
+    """Read one log from each file.
 
     Raises:
       ModuleNotFoundError: pymavlink is not installed.
-      InputError: no dataflash log, without a known message, or not as the mapping says.
+      InputError: a file is no dataflash log, has no known message, or contradicts the mapping.
     """
-    import pymavlink.DFReader  # noqa: F401  (what is missing is told before any file is blamed)
+    import pymavlink.DFReader  # noqa: F401  (a missing package must not look like a bad file)
 
     return [log for _, log in each_file(paths, lambda path: _log(path, options, tally), tally)]
 
 
 @contextlib.contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """A log by pymavlink, which prints each damaged byte and leaves files open that it refuses."""
+    """Open a log with pymavlink, suppress its printed messages, and always close the log."""
     from pymavlink.DFReader import DFReader_binary
 
-    # its compiled indexer prints where Python cannot redirect it: the other one takes its place
+    # Python cannot redirect what the compiled indexer prints, so the Python indexer is used
     quiet: Any = type(
         "Quiet", (DFReader_binary,), {"init_arrays_fast": DFReader_binary.init_arrays}
     )
@@ -141,7 +141,7 @@ def _log_of(path: Path, log: Any, options: ReadOptions, tally: Tally) -> Deploym
 
 
 def _unit(name: str, signal: Signal, units: Mapping[str, str], tally: Tally) -> str | None:
-    """Look a field's unit up in the log's own table, else in ArduPilot's documentation."""
+    """Unit of a field from the log's own table, or else from STANDARD; None for a wrong unit."""
     said, wanted = units.get(signal.column, ""), signal.wanted(name)
     return unit_to_take(said, wanted, signal.column, tally, native=signal.unit)
 
@@ -151,7 +151,7 @@ def _is_first(message: Any, fields: Sequence[str]) -> bool:
 
 
 def _values(message: Any, kind: str, fields: Sequence[str]) -> list[float]:
-    """Numbers of a message; NaN where it lacks one, and for a GPS without a fix."""
+    """Numbers in a message's fields; missing fields and a GPS message without a fix give NaN."""
     if kind == "GPS" and getattr(message, "Status", FIXED) < FIXED:
         return [np.nan] * len(fields)
     found = []

@@ -1,8 +1,8 @@
-"""Samples of logs of propelled vehicles: DUNE's LAUV (`lsf`), MBARI's Dorado and LRAUV.
+"""AUV samples: writers of sample logs of propelled vehicles: LAUV (`lsf`), Dorado and LRAUV.
 
-Packets of IMC are written by `imcpy`, which has DUNE's own code. A Dorado's header of text and
-records of little-endian bytes are those of MB-System's mbauvloglist and MBARI's auv-python. Writers
-take times and states as those of `message_samples` do, with north and east [m] of a track.
+IMC packets are written by `imcpy`, which has DUNE's own code. The Dorado format, a text header and
+little-endian records, follows MB-System's mbauvloglist and MBARI's auv-python. Writers take times
+and states as in `message_samples`, with north and east [m] of a track.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ SINCE_1970 = "seconds since 1970-01-01T00:00:00Z"
 
 
 def track_of(time: Array, state: Mapping[str, Array]) -> tuple[Array, Array]:
-    """North and east [m] of the vehicle's own track, which its velocity gives where none is."""
+    """[m] North and east of the state's track, or of the track integrated from its velocity."""
     if "north" in state:
         return state["north"], state["east"]
     heading = np.radians(state["heading"])
@@ -32,26 +32,26 @@ def track_of(time: Array, state: Mapping[str, Array]) -> tuple[Array, Array]:
 
 
 def _wrapped(degrees: Array) -> Array:
-    """[rad] Angles within half a turn."""
+    """[rad] Angles wrapped to -pi to pi."""
     return np.angle(np.exp(1j * np.radians(degrees)))
 
 
 # --- DUNE ---------------------------------------------------------------------------------------
 
 OWN = 30
-"""Address of the vehicle."""
+"""IMC address of the vehicle."""
 ENTITIES = {
     1: "Navigation", 2: "AHRS", 3: "Depth Sensor", 4: "DVL", 5: "GPS", 6: "Motor", 7: "Servos",
     8: "CTD", 9: "Main Board", 10: "Batteries",
 }  # fmt: skip
 ORIGINS = (49.5, -58.0), (49.5003, -57.999)
-"""[degree] Latitude, longitude of the origins of the vehicle's own state, one after the other."""
+"""[degree] Latitude and longitude of the two successive origins of the vehicle's state."""
 DECLINATION = -0.05
-"""[rad]"""
+"""[rad] Magnetic declination"""
 
 
 def message(kind: str, moment: float, entity: int, system: int = OWN, **fields: Any) -> bytes:
-    """Make a packet of IMC, at a unix time [s]."""
+    """Make an IMC packet at a unix time [s]."""
     import imcpy
 
     one = imcpy.Factory.produce(kind)
@@ -62,7 +62,7 @@ def message(kind: str, moment: float, entity: int, system: int = OWN, **fields: 
 
 
 def entities(moment: float, system: int = OWN) -> bytes:
-    """Make the packets by which a system names its entities when a log begins."""
+    """Make the packets in which a system names its entities, at the start of a log."""
     return b"".join(
         message("EntityInfo", moment, k, system, id=k, label=label, component="test")
         for k, label in ENTITIES.items()
@@ -70,7 +70,7 @@ def entities(moment: float, system: int = OWN) -> bytes:
 
 
 def packets(time: Array, state: Mapping[str, Array]) -> list[bytes]:
-    """Make the packets of each moment; the names of entities first."""
+    """Make the packets of each sample time, preceded by the entities' names."""
     found = [entities(float(time[0]))]
     latitudes, longitudes = from_tangent_plane(*track_of(time, state), *ORIGINS[0])
     headings = _wrapped(state["heading"]).tolist()
@@ -81,7 +81,7 @@ def packets(time: Array, state: Mapping[str, Array]) -> list[bytes]:
             np.radians(now["pitch"]),
             headings[k],
         )
-        origin = ORIGINS[k >= len(time) // 2]  # it moves when the vehicle has gone far
+        origin = ORIGINS[k >= len(time) // 2]  # a vehicle moves its origin after a long distance
         x, y = to_tangent_plane(latitudes[k], longitudes[k], *origin)
         some = [
             message("EstimatedState", moment, 1, lat=np.radians(origin[0]),
@@ -109,8 +109,8 @@ def packets(time: Array, state: Mapping[str, Array]) -> list[bytes]:
 
 
 def _propelled(moment: float, k: int, now: Mapping[str, float]) -> list[bytes]:
-    """Packets of a Doppler log, a motor, four servos, a CTD and two voltmeters."""
-    lock = k % 50 < 40  # of every 50 pings the last ten see no bottom, five of these only water
+    """Make packets of a Doppler log, a motor, four servos, a CTD and two voltmeters."""
+    lock = k % 50 < 40  # the last ten of 50 pings lack bottom lock; the last five also water lock
     servos = [0.10, -0.05, -0.07, 0.14]
     return [
         message("GroundVelocity", moment, 4, validity=7 if lock else 0, x=now["surge"],
@@ -129,7 +129,7 @@ def _propelled(moment: float, k: int, now: Mapping[str, float]) -> list[bytes]:
 
 
 def write_lsf(folder: Path, flight: Flight) -> list[Path]:
-    """Write dives as DUNE's log."""
+    """Write dives as a DUNE log."""
     path = folder / "Data.lsf"
     path.write_bytes(b"".join(packets(*flight.with_fixes())))
     return [path]
@@ -142,16 +142,16 @@ LSF = {"lsf": write_lsf}
 SIZES = {"timeTag": "<f8", "double": "<f8", "angle": "<f8", "float": "<f4", "integer": "<i4",
          "short": "<i2"}  # fmt: skip
 Field = tuple[str, str, Array]
-"""Type as in a header, name, values"""
+"""Type as in a header, field name, values"""
 
 
 def instruments(
     time: Array, state: Mapping[str, Array], *, west: bool = False
 ) -> dict[str, list[Field]]:
-    """Fields of each instrument's log.
+    """Fields of each instrument's log, by instrument.
 
     Args:
-      west: whether the receiver counts longitudes westward, as those of the vehicle do.
+      west: the GPS receiver's longitudes are positive westward, as in the vehicle's own logs.
     """
     nothing = np.zeros(len(time))
     north, east = track_of(time, state)
@@ -188,7 +188,7 @@ def instruments(
 
 
 def write_log(path: Path, fields: Sequence[Field]) -> Path:
-    """Write an instrument's log as the vehicle does."""
+    """Write an instrument's log in the vehicle's format."""
     lines = [f"# binary {path.name.partition('.')[0]}"]
     lines += [f"# {kind} {name} %8.8e ,{name} ,UNKNOWN" for kind, name, _ in fields]
     records = np.zeros(len(fields[0][2]), [(name, SIZES[kind]) for kind, name, _ in fields])
@@ -199,7 +199,7 @@ def write_log(path: Path, fields: Sequence[Field]) -> Path:
 
 
 def write_along(path: Path, fields: Mapping[str, Array]) -> Path:
-    """Write variables along one time as netCDF; `time` [s unix] is one of them."""
+    """Write variables with one time axis as netCDF; `time` [s unix] is one of them."""
     about = {"time": [SINCE_1970]}
     return write_netcdf(
         path, {n: (("time",), values, *about.get(n, ())) for n, values in fields.items()}
@@ -213,7 +213,7 @@ def write_dorado(folder: Path, flight: Flight) -> list[Path]:
 
 
 def write_dorado_netcdf(folder: Path, flight: Flight) -> list[Path]:
-    """Write dives as netCDF of each instrument."""
+    """Write dives as one netCDF file per instrument."""
     return [
         write_along(folder / f"{name}.nc", {n: v for _, n, v in fields})
         for name, fields in instruments(*flight.with_fixes()).items()
@@ -221,7 +221,7 @@ def write_dorado_netcdf(folder: Path, flight: Flight) -> list[Path]:
 
 
 def write_dorado_product(folder: Path, flight: Flight) -> list[Path]:
-    """Write dives as a product of one second, in degree."""
+    """Write dives as a product file, resampled to 1 s, with angles in degree."""
     time = np.arange(flight.time[0], flight.time[-1], 1.0)
     state = flight.state(time)
     latitude, longitude = flight.position(time)
@@ -240,7 +240,7 @@ DORADO = {"log": write_dorado, "netcdf": write_dorado_netcdf, "product": write_d
 
 
 def write_mat(path: Path, flight: Flight) -> Path:
-    """Write HDF5 groups of time (days of MATLAB), value and units; every sample twice."""
+    """Write HDF5 groups of time (MATLAB days), value and units, with every sample twice."""
     import netCDF4
 
     time = flight.time[::5]
@@ -266,7 +266,7 @@ def write_mat(path: Path, flight: Flight) -> Path:
 
 
 def write_nc4(path: Path, flight: Flight) -> Path:
-    """Write netCDF-4 in which each variable has a time of its own."""
+    """Write netCDF-4 in which each variable has its own time axis."""
     state = flight.state(flight.time)
     signals = {
         "depth": (state["depth"], "m"),

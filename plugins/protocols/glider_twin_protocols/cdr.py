@@ -1,11 +1,11 @@
-"""CDR: many messages of one ROS 2 type at once, as rows of bytes.
+"""CDR: encode many messages of one ROS 2 type at once, as rows of bytes.
 
-ROS 2 writes messages as Common Data Representation (OMG DDS-XTypes 1.3, 7.4, XCDR version 1): the
-fields one after the other, each number at a multiple of its own size after four bytes of header.
-Messages whose texts and lists have the same lengths have the same layout, so that a topic of a
-mission is a table of bytes, which numpy fills a hundred times faster than message by message.
+ROS 2 writes messages in the Common Data Representation (OMG DDS-XTypes 1.3, 7.4, XCDR version 1).
+After a header of four bytes come the fields, each number at a multiple of its own size. Messages
+with equal lengths of texts and lists share one layout. A topic of a mission is then one table of
+bytes, which numpy fills a hundred times faster than a loop over messages.
 
-Axes: from the store's frames to those of ROS.
+Also here: functions from the store's axes to those of ROS.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Bytes = NDArray[np.uint8]
 
 HEADER = bytes([0, 1, 0, 0])
-"""Plain CDR, little endian"""
+"""Header of plain CDR, little endian"""
 PRIMITIVES = {
     name: np.dtype(np.uint8 if name in ("bool", "byte", "char") else name).newbyteorder("<")
     for name in (
@@ -35,22 +35,22 @@ PRIMITIVES = {
     )
 }
 LENGTH = np.dtype("<u4")
-"""Type of the numbers before texts and lists"""
+"""Type of the length before a text or a list"""
 
 
 def encode(types: Typestore, name: str, values: Mapping[str, Any], count: int) -> Bytes:
-    """Messages of a type, (count, bytes).
+    """Encode messages of one type, (count, bytes).
 
     Args:
-      types: of a distribution of ROS 2.
-      name: such as sensor_msgs/msg/Imu.
-      values: by field. An array has one row a message; a number, text, tuple or list is the same in
-        all. A message inside is a mapping, a list of messages a list of mappings. What is not
-        given is zero or empty.
-      count: of messages.
+      types: typestore of a ROS 2 distribution.
+      name: name of the type, such as sensor_msgs/msg/Imu.
+      values: values by field. An array has one row per message; a number, text, tuple or list is
+        the same in all messages. A nested message is a mapping, a list of messages is a list of
+        mappings. Missing fields are zero or empty.
+      count: number of messages.
 
     Raises:
-      KeyError: a field that the type has not.
+      KeyError: the type lacks a given field.
     """
     columns = _Columns(types, count)
     columns.message(name, values)
@@ -58,7 +58,7 @@ def encode(types: Typestore, name: str, values: Mapping[str, Any], count: int) -
 
 
 class _Columns:
-    """Fields that were laid out, with their places."""
+    """Encoded fields with their byte offsets."""
 
     def __init__(self, types: Typestore, count: int) -> None:
         self._types, self._count = types, count
@@ -86,14 +86,14 @@ class _Columns:
         elif kind == "ARRAY" and what[0][0].name == "BASE":
             (_, (base, _)), length = what
             self._numbers(PRIMITIVES[base], (0,) * length if value is None else value)
-        else:  # a list of messages or numbers, as long in every message
+        else:  # a list of messages or numbers, of equal length in all messages
             items = value or []
             self._numbers(LENGTH, len(items))
             for item in items:
                 self._field(what[0], item)
 
     def _numbers(self, kind: np.dtype[Any], value: Any) -> None:
-        """Numbers at the next multiple of their size."""
+        """Add numbers at the next multiple of their size."""
         numbers = np.asarray(value).astype(kind)
         varies = isinstance(value, np.ndarray)
         shape = (len(numbers), math.prod(numbers.shape[1:])) if varies else (1, numbers.size)
@@ -114,17 +114,17 @@ Array = NDArray[np.float64]
 
 
 def world(north: Array, east: Array, down: Array) -> Array:
-    """East, north, up, (samples, 3), of a vector in the world, any unit."""
+    """Vector in ROS world axes, east, north, up, (samples, 3), in any unit."""
     return np.stack([east, north, -down], axis=1)
 
 
 def body(forward: Array, starboard: Array, down: Array) -> Array:
-    """Forward, left, up, (samples, 3), of a vector or of rates about the axes, any unit."""
+    """Vector or rates in ROS body axes, forward, left, up, (samples, 3), in any unit."""
     return np.stack([forward, -starboard, -down], axis=1)
 
 
 def orientation(roll: Array, pitch: Array, heading: Array) -> Array:
-    """Quaternion (x, y, z, w), (samples, 4), from forward, left, up to east, north, up.
+    """Quaternion (x, y, z, w), (samples, 4), from body (forward, left, up) to east, north, up.
 
     Args:
       roll, pitch: [degree] starboard down and nose up.
@@ -136,11 +136,11 @@ def orientation(roll: Array, pitch: Array, heading: Array) -> Array:
 
 
 def to_body(quaternion: Array, vector: Array) -> Array:
-    """A vector of the world in the axes of the vehicle, (samples, 3).
+    """Rotate a vector from the world to the body, (samples, 3).
 
     Args:
-      quaternion: as `orientation` gives it.
-      vector: east, north, up.
+      quaternion: result of `orientation`.
+      vector: components east, north, up.
     """
     axis, w = -quaternion[:, :3], quaternion[:, 3:]
     across = 2.0 * np.cross(axis, vector)

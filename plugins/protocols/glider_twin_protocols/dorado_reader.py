@@ -1,14 +1,14 @@
-"""Reader of the logs of MBARI's Dorado vehicles: .log as they write it, and netCDF made of it.
+"""Dorado reader: .log files of MBARI's Dorado vehicles, and netCDF files made from them.
 
-A .log is a header of text, a line for each field with its type, and records of these fields in
-little-endian bytes (MB-System's mbauvloglist; MBARI's auv-python). Every instrument has its own:
-navigation.log, tailCone.log, gps.log. auv-python makes netCDF of each with the same names, and of
-all together a product (`*_1S.nc`) with names such as `navigation_pitch`. A topic is the
-instrument, or `track` for what a product has of no instrument.
+A .log has a text header, with a line for each field and its type, and little-endian records of
+these fields (MB-System's mbauvloglist; MBARI's auv-python). Every instrument has its own file, such
+as navigation.log, tailCone.log or gps.log. auv-python converts each file to netCDF with the same
+names, and all together to a product (`*_1S.nc`) with names such as `navigation_pitch`. A topic is
+an instrument, or `track` for a product's variables without instrument.
 
-Angles, angular rates and places are in rad whatever the header calls them; those of products are in
-degree. `propRpm` is in rad/s (auv-python, `calibrate.py`). What rudder, elevator and Doppler log
-are in is not published: they need a mapping.
+Angles, angular rates and positions are in rad, even if the header has another unit; in products
+they are in degree. `propRpm` is in rad/s (auv-python, `calibrate.py`). The units of rudder,
+elevator and Doppler log are not published: they need a mapping.
 """
 
 from __future__ import annotations
@@ -50,23 +50,23 @@ from twin.errors import InputError
 Array = NDArray[np.float64]
 
 MODEL = "tethys"
-"""Vehicle file that stands for the vehicle where a mapping names no other"""
+"""Vehicle file that replaces the vehicle's own if no mapping names another"""
 GAP = 60.0
-"""[s] Longer between two samples, the vehicle was switched off"""
+"""[s] Gap between two samples above which the vehicle was off and a new row begins"""
 BEGIN = b"# begin"
 LARGEST = 1e12
-"""No field holds more: times are in s, distances in m, pulses are counted"""
+"""Largest possible value: times are in s, distances in m, pulses are counted"""
 LONGEST_HEADER = 2**18
-"""[byte]; the longest known has a hundredth"""
+"""[byte] Longest header that is searched; the longest known has a hundredth"""
 TYPES = {"timeTag": "<f8", "double": "<f8", "angle": "<f8", "float": "<f4", "integer": "<i4",
          "short": "<i2"}  # fmt: skip
 NEAR = 0.05
-"""[rad] A mission goes no further east or west"""
+"""[rad] Largest difference of longitude between GPS and the vehicle's track in a mission"""
 PRODUCT = "navigation_"
-"""Begins names of a product's variables, which have their instrument in front"""
+"""Prefix of a product's variable names, which name the instrument first"""
 TRACK = "track"
 PRODUCT_PERIOD = 1.0
-"""[s] of a resampled product, `_1S`"""
+"""[s] Sample period of a resampled product, `_1S`"""
 
 _Standard = tuple[str, str, str, str]
 STANDARD: tuple[_Standard, ...] = (
@@ -87,7 +87,7 @@ STANDARD: tuple[_Standard, ...] = (
     ("latitude", "navigation", "latitudeNav", "rad"),
     ("longitude", "navigation", "longitudeNav", "rad"),
 )
-"""Signal, instrument, field, unit of the vehicle's own logs; of two the first that is there"""
+"""Signal, instrument, field and unit in the vehicle's own logs; a signal's first source counts"""
 OF_PRODUCTS: tuple[_Standard, ...] = (
     ("measured_roll", "navigation", "roll", "deg"),
     ("measured_pitch", "navigation", "pitch", "deg"),
@@ -102,21 +102,21 @@ OF_PRODUCTS: tuple[_Standard, ...] = (
 
 
 class Instruments(NamedTuple):
-    """Content of one file."""
+    """Content of one file, by instrument."""
 
     product: bool
     tables: dict[str, MessageTable]
-    """Numbers by instrument; times [s] unix"""
+    """Values by instrument, with times [s] unix"""
     units: Mapping[str, str] = MappingProxyType({})
-    """As a netCDF file declares them, by instrument and field with a blank between"""
+    """Units that a netCDF file declares, by `INSTRUMENT FIELD`"""
 
 
 def read_dorado(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
-    """One log for each folder of instruments' files, and for each product.
+    """Read one log from each folder of instruments' files, and from each product.
 
     Raises:
-      WrongFormat: another kind of file.
-      InputError: damaged, without what is known, or not as the mapping says.
+      WrongFormat: a file is of another format.
+      InputError: a file is damaged, has no known field, or contradicts the mapping.
     """
     missions: dict[tuple[Path, bool], dict[str, MessageTable]] = {}
     files: dict[tuple[Path, bool], list[Path]] = {}
@@ -167,9 +167,9 @@ def _log(
 def _standard(
     tables: dict[str, MessageTable], units: dict[str, str], product: bool, tally: Tally
 ) -> dict[str, Signal]:
-    """Signals of the known fields; the track by its metres where it has no places.
+    """Signals of the known fields; the track is in metres if there is no latitude and longitude.
 
-    Fields are in what a netCDF file declares, but for those whose unit headers have wrong.
+    Units are those that a netCDF file declares, except for fields whose declared unit is wrong.
     """
     sources: dict[str, list[Signal]] = {}
     for signal, topic, field, unit in OF_PRODUCTS if product else STANDARD:
@@ -191,8 +191,8 @@ def _standard(
 
 
 def _turn_west(tables: dict[str, MessageTable], tally: Tally) -> None:
-    """Count the receiver's longitudes eastward where they count westward: the vehicle's own track
-    has the other sign."""
+    """Change the sign of the GPS receiver's longitudes if they are positive westward, as the sign
+    of the vehicle's own track shows."""
     nothing = MessageTable(np.zeros(0), {})
     gps, own = (tables.get(name, nothing) for name in ("gps", "navigation"))
     west = gps.columns.get("longitude", nothing.time)
@@ -220,7 +220,7 @@ def _instruments(path: Path, tally: Tally) -> Instruments:
 
 
 def _records(path: Path, tally: Tally) -> tuple[Array, dict[str, Array]]:
-    """Times and fields of a vehicle's own log; of one that was cut off, its whole records."""
+    """Times and fields of a .log file; from a truncated file, all complete records."""
     data = path.read_bytes()
     start = data.find(BEGIN, 0, LONGEST_HEADER)
     begin = data.find(b"\n", start) + 1
@@ -253,7 +253,7 @@ def _records(path: Path, tally: Tally) -> tuple[Array, dict[str, Array]]:
 
 
 def _possible(stored: NDArray[Any], path: Path, tally: Tally) -> Array:
-    """A field's numbers without those that damaged bytes make."""
+    """Values of a field, with NaN for values above LARGEST, which damaged bytes give."""
     with np.errstate(invalid="ignore"):
         values = stored.astype(np.float64)
         bad = np.abs(values) >= LARGEST
@@ -261,7 +261,7 @@ def _possible(stored: NDArray[Any], path: Path, tally: Tally) -> Array:
 
 
 def _netcdf(path: Path, tally: Tally) -> Instruments:
-    """The variables of a netCDF file by instrument: in its names, or the file's own."""
+    """Variables of a netCDF file by instrument, which is in a product's names or the file name."""
     with open_netcdf(path) as file:
         names = list(file.variables)
         product = any(name.startswith(PRODUCT) for name in names)
@@ -289,7 +289,7 @@ def _netcdf(path: Path, tally: Tally) -> Instruments:
 
 
 def _clock(file: Any, variable: Any) -> Any:
-    """The coordinate of time that a variable lies along; None without."""
+    """Time coordinate of a variable; None if it has none."""
     if len(variable.dimensions) != 1:
         return None
     name = variable.dimensions[0]
@@ -297,7 +297,7 @@ def _clock(file: Any, variable: Any) -> Any:
 
 
 def _valid(topic: str, table: MessageTable, tally: Tally) -> MessageTable:
-    """A table without the places of a satellite receiver that had no fix."""
+    """Table in which a GPS receiver's positions without a fix are NaN."""
     if topic != "gps":
         return table
     unfixed = ~has_fix(table.columns, len(table.time))

@@ -1,16 +1,16 @@
-"""Kinds: what the import and the export know of the formats of this plugin.
+"""Kinds: registry entries of this plugin's import and export formats.
 
-Readers and writers are imported when they work: help texts and documents need these rows alone.
+Readers and writers are imported on first use, so help texts and documents load only this module.
 """
 
 from factory.exporting import Exporter
 from factory.importing import Importer
 
 PLUGIN = "plugins/protocols"
-"""Where the packages come from that readers and writers need"""
+"""Plugin whose installation brings the packages that readers and writers need"""
 
 DRIVEN = frozenset({"measured_pump", "measured_shift", "measured_rotation", "measured_density"})
-"""Channels that gliders have and most other vehicles lack."""
+"""Channels of gliders that most propelled vehicles lack."""
 
 LRAUV = Importer(
     name="lrauv",
@@ -28,7 +28,7 @@ LRAUV = Importer(
     samples="glider_twin_protocols.auv_samples:LRAUV",
     lacks=frozenset({"measured_rotation"}),
 )  # fmt: skip
-"""MBARI's long-range AUVs."""
+"""Logs of MBARI's long-range AUVs."""
 
 MCAP = Importer(
     name="mcap",
@@ -47,7 +47,7 @@ MCAP = Importer(
     takes_mapping=True,
     lacks=DRIVEN,
 )
-"""Recordings of ROS 2 in one file."""
+"""ROS 2 recordings in one MCAP file."""
 
 ROSBAG2 = Importer(
     name="rosbag2",
@@ -65,7 +65,7 @@ ROSBAG2 = Importer(
     takes_mapping=True,
     lacks=DRIVEN,
 )
-"""Recordings of ROS 2 as its own tools write them."""
+"""ROS 2 recordings as folders of rosbag2."""
 
 ARDUSUB = Importer(
     name="ardusub",
@@ -83,7 +83,7 @@ ARDUSUB = Importer(
     takes_mapping=True,
     lacks=DRIVEN,
 )
-"""ArduPilot's logs of vehicles under water."""
+"""ArduPilot's logs of underwater vehicles."""
 
 LSF = Importer(
     name="lsf",
@@ -124,7 +124,7 @@ DORADO = Importer(
     takes_mapping=True,
     lacks=DRIVEN,
 )  # fmt: skip
-"""MBARI's Dorado vehicles."""
+"""Logs of MBARI's Dorado vehicles."""
 
 MCAP_FILES = Exporter(
     name="mcap",
@@ -133,4 +133,4 @@ MCAP_FILES = Exporter(
     write="glider_twin_protocols.mcap_file:export_mcap",
     extra=PLUGIN,
 )
-"""Recordings of missions and logs."""
+"""Export of missions and logs as MCAP recordings."""

@@ -1,10 +1,10 @@
-"""Reader of LRAUV logs: MATLAB v7.3 (.mat), netCDF-4 (.nc4) and csv files of its simulator.
+"""LRAUV reader: MATLAB v7.3 (.mat), netCDF-4 (.nc4) and the simulator's csv files.
 
-Every variable has a time of its own: in a .mat a group of time (days since year 0), value and
-units; in a .nc4 a coordinate NAME_time. Names are CF's standard names; values in a csv carry
-their unit as text. Angles of rudder and elevator have the signs that the vehicle writes, which
-are those of `tethys`: a positive elevator pitches the nose down. Positions that follow a
-surfacing may be reset to GPS already.
+Every variable has its own time: in a .mat file a group of time (days since year 0), value and
+units, in a .nc4 file a coordinate NAME_time. Names are CF standard names; a value in a csv file is
+followed by its unit. Signs of rudder and elevator are the vehicle's, which `tethys` shares: a
+positive elevator pitches the nose down. The on-board track may be reset to GPS already at a
+surfacing.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ from twin.physics import declare_parts
 Array = NDArray[np.float64]
 
 MODEL = "tethys"
-"""Vehicle file that stands for them: the channels of actuators have the names of its parts."""
+"""Vehicle file for all LRAUVs; channels of actuators have the names of its parts."""
 SOURCES = {
     "depth": "measured_depth",
     "sea_water_pressure": "measured_pressure",
@@ -75,34 +75,34 @@ SOURCES = {
     "HorizontalControl.rudderAngleAction": "commanded_rudder",
     "SpeedControl.propOmegaAction": "commanded_propeller",
 }
-"""Channels of the store by the variables that they come from; of two the first with values."""
+"""Channel of the store by source variable; of two sources the first with values is taken."""
 _READ = (
     *SOURCES, "latitude", "longitude", "latitude_fix", "longitude_fix", "sea_water_temperature",
     "sea_water_salinity", "EpochSeconds", "Timestamp", "time", "time_fix",
 )  # fmt: skip
 _WITH_UNIT = re.compile(r"^\s*([-+0-9.eE]+|nan)\s*([^\d\s].*)?$", re.IGNORECASE)
 _TURNING = 1.0
-"""[rad/s] A propeller that turns faster drives."""
+"""[rad/s] Rotation rate above which the propeller drives the vehicle."""
 
 _SIMULATOR = (".csv", ".gz")
 
 TimedValues = tuple[Array, Array, str]
-"""Time as written, values, unit as written."""
+"""Time as in the file, values, unit as in the file."""
 
 
 def read_lrauv(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
-    """One log for each file.
+    """Read one log from each file.
 
     Raises:
-      WrongFormat: another kind of file.
-      InputError: truncated, or a unit that is not known.
+      WrongFormat: a file is of another format.
+      InputError: a file is truncated, or a unit is unknown.
     """
     every = each_file(paths, _series, tally)
     return [_log(path, *found, options, tally) for path, found in every]
 
 
 def _series(path: Path) -> tuple[dict[str, TimedValues], list[str]]:
-    """Every variable of a file with its own time; and the other names: clocks, texts, tables."""
+    """Variables of a file that have a time, and the names of all others: clocks, texts, tables."""
     if path.suffix.lower() in _SIMULATOR:
         return _csv(path), ["EpochSeconds", "Timestamp"]
     with open_netcdf(path) as file:
@@ -120,7 +120,7 @@ def _series(path: Path) -> tuple[dict[str, TimedValues], list[str]]:
 
 
 def _groups(file: Any) -> dict[str, TimedValues]:
-    """MATLAB: groups of time, value, units; components are groups of such groups."""
+    """Variables of a MATLAB file: groups of time, value and units; components nest such groups."""
     found: dict[str, TimedValues] = {}
     for name, group in file.groups.items():
         if name.startswith("#"):
@@ -139,7 +139,7 @@ def _groups(file: Any) -> dict[str, TimedValues]:
 
 
 def _variables(file: Any) -> dict[str, TimedValues]:
-    """netCDF-4: variables along a time of their own, NAME_time or the dimension's coordinate."""
+    """Variables of a netCDF-4 file, each with its time NAME_time or its dimension's coordinate."""
     found: dict[str, TimedValues] = {}
     for name, variable in file.variables.items():
         if len(variable.dimensions) != 1 or variable.dtype == str:
@@ -155,7 +155,7 @@ def _variables(file: Any) -> dict[str, TimedValues]:
 
 
 def _csv(path: Path) -> dict[str, TimedValues]:
-    """The simulator's csv: each value is a number and the text of its unit."""
+    """Variables of the simulator's csv file, whose values are numbers followed by their unit."""
     table = read_table(path)
     names = [*table.columns, *table.texts]
     if "depth" not in names or not {"EpochSeconds", "Timestamp"} & set(names):
@@ -188,7 +188,7 @@ def _log(
     extra = payload_names(options.payload)
 
     def raw(source: str, wanted: str = "", name: str = "") -> Channel:
-        """The values of a variable in a unit, or as they are; empty for another quantity."""
+        """Channel of a variable in unit `wanted`, if given; empty if it is of another quantity."""
         written, values, unit = series[source]
         if wanted:
             own = declared(values, unit, wanted, source, tally, deployment=deployment)
@@ -258,13 +258,13 @@ def _log(
         auxiliary=auxiliary,
         files=(path.name,),
         model=MODEL,
-        # the vehicle logs no csv: they come from its software in a simulated sea
+        # the vehicle writes no csv: such files come from its software in simulation
         simulated=path.suffix.lower() in _SIMULATOR,
     )
 
 
 def _fixes(latitude: Channel, longitude: Channel, tally: Tally) -> LoggedFixes:
-    """GPS fixes: latitude and longitude are logged milliseconds apart and belong together."""
+    """Pair latitudes and longitudes, which are logged milliseconds apart, to GPS fixes."""
     time, other = latitude.time, longitude.time
     if not len(time) or not len(other):
         return NO_FIXES
@@ -278,4 +278,4 @@ def _fixes(latitude: Channel, longitude: Channel, tally: Tally) -> LoggedFixes:
 
 
 _TOGETHER = 2.0
-"""[s] Halves of one fix are never further apart."""
+"""[s] Longest time between latitude and longitude of one fix."""

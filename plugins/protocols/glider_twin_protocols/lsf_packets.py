@@ -1,10 +1,10 @@
-"""Packets of IMC, the Inter-Module Communication of LSTS, as a log (.lsf, .lsf.gz) holds them.
+"""LSF packets: find and decode IMC packets (Inter-Module Communication of LSTS) in .lsf logs.
 
-A packet is a header of 20 bytes (synchronization number, number of the message, bytes of its
-payload, time, system and entity that sent it, and for whom), the payload and a CRC-16: IMC.xml of
-github.com/LSTS/imc, 5.4. The synchronization number tells the byte order. `imcpy`, the binding of
-DUNE's own code, decodes a packet and checks its sum; here they are found, and damage is passed
-over.
+A packet has a header of 20 bytes, a payload and a CRC-16 (IMC.xml of github.com/LSTS/imc, 5.4). The
+header has synchronization number, message number, payload size, time, source system and entity, and
+destination. The synchronization number shows the byte order. This module finds the packets and
+skips damaged bytes; `imcpy`, the binding of DUNE's own code, decodes a packet and checks its
+CRC.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from twin.errors import InputError
 ORDERS = {b"\x54\xfe": "<", b"\xfe\x54": ">"}
 """Byte order by the first two bytes of a packet"""
 HEADER, FOOTER = 20, 2
-"""[byte]"""
+"""[byte] Sizes of a packet's header and CRC"""
 GZIP = b"\x1f\x8b"
 SYSTEM, ENTITY = "src", "src_ent"
 
 Source = tuple[str, int, int]
-"""Message, system that sent it, and its entity; the number of the servo or thruster instead where
-the message has one (`id`), or -1 where that is not read"""
+"""Message name, source system and source entity. For a message with an `id`, the servo's or
+thruster's number replaces the entity, or -1 if the message is not read"""
 
 
 @dataclasses.dataclass
@@ -37,31 +37,31 @@ class Packets:
     """Content of the packets of a log."""
 
     rows: dict[Source, list[tuple[float, ...]]] = dataclasses.field(default_factory=dict)
-    """Time [s] unix and the wanted fields of each message, in the order of the log"""
+    """Unix time [s] and wanted fields of each message, in the order of the log"""
     fields: dict[str, list[str]] = dataclasses.field(default_factory=dict)
-    """Wanted fields that a message has as numbers"""
+    """Wanted fields with numbers, by message"""
     labels: dict[tuple[int, int], str] = dataclasses.field(default_factory=dict)
-    """Labels of a system's entities (EntityInfo)"""
+    """Labels of entities (EntityInfo), by system and entity"""
     names: dict[Source, int] = dataclasses.field(default_factory=dict)
-    """Count of every message"""
+    """Number of messages by source"""
     title: str = ""
-    """Name of the log by the vehicle (LoggingControl)"""
+    """Name that the vehicle gave the log (LoggingControl)"""
 
 
 def read_packets(path: Path, wanted: Mapping[str, Sequence[str]], tally: Tally) -> Packets:
-    """The wanted fields of the wanted messages of a log.
+    """Read the wanted fields of the wanted messages in a log.
 
     Args:
       wanted: fields by message, such as {"Depth": ["value"]}.
 
     Raises:
-      InputError: no packet of IMC is in it.
+      InputError: the file holds no IMC packet.
     """
     import imcpy
 
     data = _content(path, tally)
     number_of = imcpy.Factory.id_from_abbrev
-    numbers = {number_of(name): name for name in wanted if _answers(number_of, name)}
+    numbers = {number_of(name): name for name in wanted if _accepts(number_of, name)}
     said = {number_of(name) for name in ("EntityInfo", "LoggingControl")}
     found = Packets()
     every: dict[int, tuple[str, bool]] = {}
@@ -75,13 +75,13 @@ def read_packets(path: Path, wanted: Mapping[str, Sequence[str]], tally: Tally) 
             continue
         try:
             message = imcpy.Packet.deserialize(packet)
-        except RuntimeError as error:  # a wrong sum, or a layout of another version
+        except RuntimeError as error:  # a wrong CRC, or a layout of another version
             tally.add("removed", name, 1, f"messages with {' '.join(str(error).split())}")
             continue
         if number in said:
-            _hear(message, name, found)
+            _store_name(message, name, found)
         if number in numbers:
-            _keep(message, name, wanted[name], found)
+            _store_row(message, name, wanted[name], found)
     if not found.names:
         raise InputError(
             f"{path.name} holds no packet of IMC 5: it begins with {data[:2].hex() or 'nothing'}, "
@@ -92,7 +92,7 @@ def read_packets(path: Path, wanted: Mapping[str, Sequence[str]], tally: Tally) 
 
 
 def _content(path: Path, tally: Tally) -> bytes:
-    """The bytes of a log, unpacked; of a packed one that was cut off, those that are there."""
+    """Bytes of a log, decompressed; from a truncated gzip file, the bytes before its end."""
     with path.open("rb") as file:
         if file.read(2) != GZIP:
             file.seek(0)
@@ -109,11 +109,11 @@ def _content(path: Path, tally: Tally) -> bytes:
 
 
 def _packets(path: Path, data: bytes, tally: Tally) -> Iterator[tuple[int, int, int, bytes]]:
-    """Number of the message, system and entity that sent it, and all bytes of each packet; what is
-    between packets is counted.
+    """Message number, source system, source entity and bytes of each packet.
 
-    A packet ends where the next one begins or the log ends, or its sum is right. What claims to be
-    one and is not is damage, and the search goes on behind its first byte.
+    A candidate is a packet if another packet or the log's end follows it, or if its CRC is right.
+    Otherwise its bytes are damaged, and the search continues one byte later. Bytes between packets
+    are counted in the import report.
     """
     import imcpy
 
@@ -125,8 +125,8 @@ def _packets(path: Path, data: bytes, tally: Tally) -> Iterator[tuple[int, int, 
             stop = place + HEADER + size + FOOTER
             whole = stop == len(data) or data[stop : stop + 2] in ORDERS
             packet = data[place:stop]
-            # else its sum, and its message must be known
-            if whole or (stop < len(data) and _answers(imcpy.Packet.deserialize, packet)):
+            # or the CRC must be right and the message known
+            if whole or (stop < len(data) and _accepts(imcpy.Packet.deserialize, packet)):
                 lost += place - end
                 yield number, system, entity, packet
                 place = end = stop
@@ -137,8 +137,8 @@ def _packets(path: Path, data: bytes, tally: Tally) -> Iterator[tuple[int, int, 
         tally.add("note", path.name, 1, f"{TRUNCATED}{len(data) - end} byte behind the last packet")
 
 
-def _answers(function: Callable[[Any], object], argument: object) -> bool:
-    """Whether DUNE's code knows what it is given."""
+def _accepts(function: Callable[[Any], object], argument: object) -> bool:
+    """True if a function of DUNE's code accepts this argument."""
     try:
         function(argument)
     except RuntimeError:
@@ -147,7 +147,7 @@ def _answers(function: Callable[[Any], object], argument: object) -> bool:
 
 
 def _name(number: int) -> tuple[str, bool]:
-    """Name of IMC's message of a number; True if it numbers parts of its sender."""
+    """Name of the IMC message with this number, and True if its `id` numbers parts of a vehicle."""
     import imcpy
 
     message = imcpy.Factory.produce(number)
@@ -156,15 +156,15 @@ def _name(number: int) -> tuple[str, bool]:
     return str(message.msg_name), hasattr(message, "id")
 
 
-def _hear(message: Any, name: str, found: Packets) -> None:
-    """Names of entities, and of the log."""
+def _store_name(message: Any, name: str, found: Packets) -> None:
+    """Store an entity's label, or the log's name."""
     if name == "EntityInfo":
         found.labels[(getattr(message, SYSTEM), message.id)] = str(message.label)
     else:
         found.title = str(message.name) or found.title
 
 
-def _keep(message: Any, name: str, wanted: Sequence[str], found: Packets) -> None:
+def _store_row(message: Any, name: str, wanted: Sequence[str], found: Packets) -> None:
     fields = found.fields.get(name)
     if fields is None:
         fields = found.fields[name] = [one for one in wanted if _is_number(message, one)]

@@ -1,10 +1,10 @@
-"""Reader of the logs of LSTS's vehicles (.lsf, .lsf.gz), which DUNE writes on a LAUV.
+"""LSF reader: logs of LSTS's vehicles (.lsf, .lsf.gz), which DUNE writes on a LAUV.
 
-Body axes are forward, starboard, down, and the world is north, east, down, as stores have them;
-angles are in rad (IMC.xml of github.com/LSTS/imc). A topic is a message and who sent it: the label
-of its entity (`Temperature/CTD`), or its number of a servo or thruster (`ServoPosition/2`). Two
-topics are made here: `DVL` of both references of a Doppler log, and `Fins` of the four servos.
-`Pressure` is left to a mapping: with or without the air's, it depends on the sensor.
+Body axes are forward, starboard, down, and world axes north, east, down, as in stores; angles are
+in rad (IMC.xml of github.com/LSTS/imc). A topic is a message with the label of its source entity
+(`Temperature/CTD`) or with a servo's or thruster's number (`ServoPosition/2`). Two topics are made
+here: `DVL` from both velocities of a Doppler log, and `Fins` from the four servos. `Pressure` needs
+a mapping: some sensors include the air's pressure, others do not.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ from twin.sensors import DVL_MODES
 Array = NDArray[np.float64]
 
 MODEL = "remus"
-"""Vehicle file that stands for the vehicle where a mapping names no other"""
+"""Vehicle file that replaces the vehicle's own if no mapping names another"""
 GAP = 10.0
-"""[s] Longer between two samples, the vehicle was switched off"""
+"""[s] Gap between two samples above which the vehicle was off and a new row begins"""
 GRAVITY, FAR = 9.81, 0.2
-"""[m s-2]; part of it by which an accelerometer of a vehicle in flight may be off"""
+"""[m s-2] Gravity, and the largest relative difference of a median specific force from it"""
 PING = 0.5
-"""[s] Within which velocities are of one ping, where a log has a single one"""
+"""[s] Time within which velocities belong to one ping, for a log without two distinct times"""
 VALID_POSITION, MEASURED = 0x0004, (0, 1)
-"""GpsFix: bit of its validity; types that are measurements: alone, differential"""
+"""GpsFix: validity bit of a position; types that are measurements (standalone, differential)"""
 VELOCITY = {"x": 0x01, "y": 0x02, "z": 0x04}
-"""Bits of the validity of a velocity"""
+"""Validity bit of each component of a velocity"""
 
 _SPEEDS = ("validity", *VELOCITY)
 FIELDS: dict[str, tuple[str, ...]] = {
@@ -64,7 +64,7 @@ FIELDS: dict[str, tuple[str, ...]] = {
     "Voltage": ("value",),
     "Current": ("value",),
 }
-"""Messages that are read, and their fields"""
+"""Fields to read, by message"""
 
 _Standard = tuple[str, str, str, str]
 STANDARD: tuple[_Standard, ...] = (
@@ -104,22 +104,22 @@ STANDARD: tuple[_Standard, ...] = (
     ("latitude", "EstimatedState", "latitude", "deg"),
     ("longitude", "EstimatedState", "longitude", "deg"),
 )
-"""Signal, message, field, unit; of two messages the first that is there"""
+"""Signal, message, field and unit; a signal's first source in the log counts"""
 HELD = ("measured_dvl_mode", "commanded_rudder", "commanded_elevator")
 FINS = {"rudder": (0, 3), "elevator": (1, 2)}
-"""Servos of the two pairs of fins, by DUNE's Control/AUV/Allocator: positive ones turn the vehicle
-to port and pitch its nose down, as the parts of `remus` do"""
+"""Servos of each pair of fins (DUNE's Control/AUV/Allocator). Positive angles turn the vehicle to
+port and pitch the nose down, as for the parts of `remus`"""
 PAIRS = {"ServoPosition": "Fins", "SetServoPosition": "SetFins"}
 
 
 def read_lsf(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
-    """One log for each file.
+    """Read one log from each file.
 
     Raises:
       ModuleNotFoundError: imcpy is not installed.
-      InputError: no log of IMC, without a known message, or not as the mapping says.
+      InputError: a file is no IMC log, has no known message, or contradicts the mapping.
     """
-    import imcpy  # noqa: F401  (what is missing is told before any file is blamed)
+    import imcpy  # noqa: F401  (a missing package must not look like a bad file)
 
     return [log for _, log in each_file(paths, lambda path: _log(path, options, tally), tally)]
 
@@ -148,7 +148,7 @@ def _log(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
 
 
 def _deployment(path: Path, title: str) -> str:
-    """Name of the log by the vehicle, or of its folder: DUNE calls every file Data."""
+    """Name of the log from the vehicle, or else of its folder: DUNE calls every file Data."""
     name = path.name.partition(".")[0]
     if title:
         return title.replace("/", "_")
@@ -156,7 +156,7 @@ def _deployment(path: Path, title: str) -> str:
 
 
 def _tables(packets: Packets, tally: Tally) -> tuple[list[str], dict[str, MessageTable]]:
-    """Names of what the vehicle itself sent, and its tables; those that are made of others too."""
+    """Topics that the vehicle itself sent, and their tables, with the tables made from others."""
     systems: Counter[int] = Counter()
     for (_, system, _), count in packets.names.items():
         systems[system] += count
@@ -188,8 +188,8 @@ def _tables(packets: Packets, tally: Tally) -> tuple[list[str], dict[str, Messag
 
 
 def _topic(source: Source, packets: Packets) -> str:
-    """The message and who sent it, or the number of its servo; a message alone where that is not
-    read."""
+    """Topic of a source: message and entity label, message and servo number, or the message alone
+    if the number was not read."""
     name, system, part = source
     if part < 0:
         return name
@@ -199,7 +199,7 @@ def _topic(source: Source, packets: Packets) -> str:
 
 
 def _measured(topic: str, table: MessageTable, tally: Tally) -> MessageTable:
-    """A table without the values that its messages call none, and with what is made of them."""
+    """Table with NaN for values that its messages mark as invalid, and with derived columns."""
     columns = dict(table.columns)
     name = topic.partition("/")[0]
     if name in ("GroundVelocity", "WaterVelocity"):
@@ -218,19 +218,19 @@ def _measured(topic: str, table: MessageTable, tally: Tally) -> MessageTable:
 
 
 def _places(columns: Dict[str, Array]) -> dict[str, Array]:
-    """Latitude and longitude [degree] of a state, whose origin the vehicle moves now and then."""
+    """[degree] Latitude and longitude of a state; the vehicle moves the state's origin at times."""
     origins = np.stack([columns["lat"], columns["lon"]])
     every, which = np.unique(origins, axis=1, return_inverse=True)
     places = np.zeros_like(origins)
     for k, origin in enumerate(np.degrees(every.T)):
         here = which.ravel() == k
-        with np.errstate(over="ignore", invalid="ignore"):  # of damaged messages
+        with np.errstate(over="ignore", invalid="ignore"):  # damaged messages have huge numbers
             places[:, here] = from_tangent_plane(columns["x"][here], columns["y"][here], *origin)
     return dict(zip(("latitude", "longitude"), places, strict=True))
 
 
 def _doppler(tables: Dict[str, MessageTable]) -> MessageTable | None:
-    """Velocities over ground where the log has them, else through the water, and what they are."""
+    """Table of a Doppler log: velocities over ground, or else through the water, and the mode."""
     parts = []
     for name, mode in {"GroundVelocity": "bottom", "WaterVelocity": "water"}.items():
         topic = _source(name, tables)
@@ -256,7 +256,7 @@ def _doppler(tables: Dict[str, MessageTable]) -> MessageTable | None:
 
 
 def _near(time: Array, others: Array, apart: float) -> NDArray[np.bool_]:
-    """Which times lie beside one of the others: both references are of one ping."""
+    """True for times closer than `apart` [s] to one of `others`: both belong to one ping."""
     if not len(others):
         return np.zeros(len(time), bool)
     others = np.sort(others)
@@ -266,14 +266,14 @@ def _near(time: Array, others: Array, apart: float) -> NDArray[np.bool_]:
 
 
 def _pairs(servos: Dict[int, MessageTable]) -> MessageTable:
-    """Rudder and elevator [rad]: means of their two fins, at the times of the first servo."""
+    """[rad] Rudder and elevator, means of their two fins, at the times of the first servo."""
     time = servos[0].time
     at = {k: np.interp(time, table.time, table.columns["value"]) for k, table in servos.items()}
     return MessageTable(time, {n: (at[a] + at[b]) / 2.0 for n, (a, b) in FINS.items()})
 
 
 def _standard(tables: Dict[str, MessageTable], tally: Tally) -> dict[str, Signal]:
-    """Signals of the fields of known messages; of several senders one, the rest reported."""
+    """Signals of the known messages' fields, each with one source."""
     sources: dict[str, list[Signal]] = {}
     for signal, name, field, unit in STANDARD:
         topic = _source(name, tables)
@@ -292,7 +292,7 @@ def _standard(tables: Dict[str, MessageTable], tally: Tally) -> dict[str, Signal
 
 
 def _source(name: str, tables: Dict[str, MessageTable]) -> str | None:
-    """The topic of a message that is read: that of the CTD, of the batteries, or the fullest."""
+    """Topic of a message to read: the CTD's, the batteries', or the one with the most values."""
     if name in tables:
         return name
     topics = sorted(t for t in tables if t.partition("/")[0] == name)
@@ -308,18 +308,18 @@ def _source(name: str, tables: Dict[str, MessageTable]) -> str | None:
 
 
 def _fullness(table: MessageTable) -> int:
-    """Samples with a value of the fullest field."""
+    """Number of values in the field with the most values."""
     return max((int(np.isfinite(one).sum()) for one in table.columns.values()), default=0)
 
 
 def _is_magnetic(name: str, field: str, table: MessageTable) -> bool:
-    """Tell a sensor that has no heading but the magnetic one: it writes that twice."""
+    """True for a sensor with magnetic heading only, which it writes in both fields."""
     if (name, field) != ("EulerAngles", "psi"):
         return False
     return bool(np.array_equal(table.columns["psi"], table.columns["psi_magnetic"]))
 
 
 def _is_specific_force(table: MessageTable) -> bool:
-    """Check that accelerations hold gravity, upwards: DUNE's simulators and some sensors differ."""
+    """True if accelerations are specific forces: about 1 g upwards. Simulators of DUNE differ."""
     force = np.median(np.stack([table.columns[axis] for axis in VELOCITY]), axis=1)
     return bool(force[2] < 0.0 and abs(np.linalg.norm(force) - GRAVITY) < FAR * GRAVITY)

@@ -1,4 +1,4 @@
-"""Files: MCAP files of a store, one for each simulated mission or logged deployment."""
+"""MCAP file: export a store as MCAP files, one per simulated mission or logged deployment."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 DISTRIBUTION = "ROS2_HUMBLE"
-"""Whose definitions of the standard messages are in the files; those used here are the same in all
-later ones"""
+"""ROS 2 distribution whose message definitions are in the files; later distributions have equal
+definitions of these messages"""
 AT_A_TIME = 8192
-"""Samples that are turned into messages in one go: 30 MB"""
+"""Largest number of samples that are encoded together, about 30 MB"""
 FRAMES = (
     "REP 103: map is east, north, up at the start of the first mission of the file; base_link and "
     "imu_link are forward, left, up; the same with _true are those of the true vehicle"
@@ -52,7 +52,7 @@ LATCHED = (
     f"deadline: {_ENDLESS}, lifespan: {_ENDLESS}, liveliness_lease_duration: {_ENDLESS}, "
     "avoid_ros_namespace_conventions: false}"
 )
-"""Quality of service of /tf_static in rosbag2's YAML: whoever joins later gets the last message"""
+"""Quality of service of /tf_static in rosbag2's YAML: later subscribers get the last message"""
 SIMULATED = "SIMULATED: no vehicle has measured this"
 
 
@@ -64,7 +64,7 @@ def export_mcap(
     Raises:
       ModuleNotFoundError: mcap or rosbags is not installed.
       OSError: the disk refuses.
-      StoreError: no such mission, its data cannot be read, or nobody knows when it began.
+      StoreError: a mission is missing, cannot be read, or has no start time.
     """
     writers = import_module("mcap.writer")
     stores = import_module("rosbags.typesys")
@@ -90,7 +90,7 @@ def export_mcap(
 
 
 def files(run: MissionStore, missions: Sequence[int]) -> Iterator[tuple[str, list[int]]]:
-    """Names of the files without ending, and their missions in order of time."""
+    """Names of the files without ending, each with its missions in order of time."""
     if not isinstance(run, LogStore):
         yield from ((f"mission_{mission:06d}", [mission]) for mission in missions)
         return
@@ -102,7 +102,7 @@ def files(run: MissionStore, missions: Sequence[int]) -> Iterator[tuple[str, lis
 
 
 def about(run: MissionStore, missions: Sequence[int], first: McapSamples) -> dict[str, str]:
-    """Metadata of a file."""
+    """Metadata of an MCAP file, by name."""
     names = (TITLE, SOURCE, COMMENT, HISTORY, PLATFORM)
     said = {name: str(run.attributes[name]) for name in names if name in run.attributes}
     if not run.logged:
@@ -121,7 +121,7 @@ def about(run: MissionStore, missions: Sequence[int], first: McapSamples) -> dic
 
 
 class _Bag:
-    """Channels of an open file, by topic."""
+    """Writer of messages to an open file, with the file's channels by topic."""
 
     def __init__(self, writer: Writer, types: Any) -> None:
         self._writer, self._types = writer, types
@@ -155,7 +155,7 @@ class _Bag:
         )
 
     def _encoded(self, topic: Topic, block: slice) -> tuple[bytes, int]:
-        """The messages of some samples, end to end, and the bytes of one."""
+        """Encoded messages of a block of samples, end to end, and the size [byte] of one."""
         known = topic.known[block]
         table = encode(self._types, topic.type, _rows(topic.values, block, known), int(known.sum()))
         return table.tobytes(), table.shape[1]
@@ -182,7 +182,7 @@ class _Bag:
 
 
 def _description(topic: Topic) -> str:
-    """Meaning of a bare number."""
+    """Description of a topic with a single number; empty for other topics."""
     if not topic.units or len(topic.signals) != 1:
         return ""
     entry = VARIABLES[topic.signals[0]]
@@ -190,7 +190,7 @@ def _description(topic: Topic) -> str:
 
 
 def _rows(values: Any, block: slice, known: NDArray[np.bool_]) -> Any:
-    """The fields of some samples."""
+    """Fields of a block of samples, those with a message only."""
     if isinstance(values, np.ndarray):
         return values[block][known]
     if isinstance(values, Mapping):
@@ -201,21 +201,21 @@ def _rows(values: Any, block: slice, known: NDArray[np.bool_]) -> Any:
 
 
 NANOSECONDS = 1_000_000
-"""In a millisecond"""
+"""[ns] A millisecond"""
 
 
 class McapSamples:
-    """Signals, moments and places of a mission of a store, as `ros_topics.Samples`.
+    """Signals, times and positions of a mission in a store, as `ros_topics.Samples`.
 
     Raises:
-      StoreError: it is damaged, or does not say when the mission began.
+      StoreError: the store is damaged, or has no start time of the mission.
     """
 
     def __init__(self, run: MissionStore, mission: int, origin: tuple[float, float] | None) -> None:
-        """Read the moments; signals are read when they are asked for.
+        """Read times and positions; signals are read on request.
 
         Args:
-          origin: latitude and longitude [degree] of the frame `map`; None: the mission's start.
+          origin: [degree] latitude and longitude of the frame `map`; None: the mission's start.
         """
         self.run, self.mission = run, mission
         self.count = int(run.samples[mission])
@@ -235,7 +235,7 @@ class McapSamples:
                 "dates: make it again with a start time"
             )
         self.time: NDArray[np.int64] = moments.astype(np.int64) * NANOSECONDS
-        """[ns] unix time of each sample"""
+        """[ns] Unix time of each sample"""
         self.latitude, self.longitude = where[LATITUDE], where[LONGITUDE]
         self.place = read_place(run.dataset.isel({MISSION: mission}))
         start = (self.place.get(START_LATITUDE, np.nan), self.place.get(START_LONGITUDE, np.nan))
@@ -244,21 +244,21 @@ class McapSamples:
         self._read: dict[str, Array] = {}
 
     def signal(self, name: str) -> Array:
-        """A signal as the store has it, (samples,)."""
+        """Signal in the store's unit, (samples,)."""
         if name not in self._read:
             row = self.run.row(name, self.mission)[: self.count]
             self._read[name] = row.astype(float)
         return self._read[name]
 
     def track(self) -> tuple[Array, Array]:
-        """North and east [m] from the origin of `map` of the places that the store holds.
+        """[m] North and east of the store's positions from the origin of `map`.
 
-        For logs, metres along the meridian and the parallel, as everywhere with them.
+        Distances are along the meridian and the parallel, as for all logs.
         """
         return offset(self.latitude, self.longitude, *self.origin)
 
     def fixes(self) -> tuple[Array, Array]:
-        """Latitude and longitude [degree] of the GPS fixes, (samples,); NaN without one."""
+        """[degree] Latitude and longitude of the GPS fixes, (samples,); NaN without a fix."""
         degrees = position if self.run.logged else from_tangent_plane
         north, east = (self.signal(name) for name in FIXES)
         return degrees(north, east, *self.start)

@@ -1,4 +1,4 @@
-"""Reader of ROS 2 recordings: MCAP files, of the export too, and folders of rosbag2."""
+"""MCAP reader: ROS 2 recordings as MCAP files, including exported ones, or as rosbag2 folders."""
 
 from __future__ import annotations
 
@@ -53,11 +53,11 @@ from twin.vehicle import shipped_files
 Array = NDArray[np.float64]
 
 KIND = "recording"
-"""Name of the files in the report"""
+"""Noun for a file in the import report"""
 GAP = 60.0
-"""[s] A longer hole in all topics ends a row"""
+"""[s] Gap in all topics above which a new row begins"""
 OWN = "glider-twin"
-"""Name of the metadata that our own files have"""
+"""Name of the metadata in files that `factory export` wrote"""
 
 
 def read_mcap(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
@@ -65,9 +65,9 @@ def read_mcap(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list
 
     Raises:
       ModuleNotFoundError: rosbags is not installed.
-      InputError: damaged, without a message that is known, or not as the mapping says.
+      InputError: a file is damaged, has no known message, or contradicts the mapping.
     """
-    import rosbags.highlevel  # noqa: F401  (what is missing is told before any file is blamed)
+    import rosbags.highlevel  # noqa: F401  (a missing package must not look like a bad file)
 
     return [log for _, log in each_file(paths, lambda path: _log(path, options, tally), tally)]
 
@@ -80,7 +80,7 @@ def _log(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
         topics, tables, mapping = _tables(path, mapping, tally)
     except InputError:
         raise
-    except Exception as error:  # a damaged file fails anywhere in another's parser
+    except Exception as error:  # a damaged file can raise anything in the libraries' parsers
         words = " ".join(str(error).split()) or type(error).__name__
         raise InputError(
             f"{path.name} cannot be read as a ROS 2 recording: {words}; `mcap recover` or "
@@ -94,7 +94,7 @@ def _log(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
 
 
 def _metadata(path: Path) -> dict[str, str]:
-    """Metadata of a file that `factory export` wrote; empty of another one."""
+    """Metadata of a file that `factory export` wrote; empty for other files."""
     from mcap.reader import make_reader
     from mcap.records import Metadata
 
@@ -142,7 +142,7 @@ def _tables(
         topic = merged_topic(channel.topic)
         try:
             message: Any = channel.decode(data)
-        except Exception as error:  # whatever a decoder raises of damaged bytes
+        except Exception as error:  # a decoder can raise anything on damaged bytes
             broken.setdefault(channel.topic, []).append(" ".join(str(error).split())[:120])
             continue
         if channel.topic not in taken:
@@ -162,7 +162,7 @@ def _tables(
         there = set(found) | NO_MEASUREMENT
         columns = {f: column_of(f, found) for f in wanted[topic] if set(raw_fields(f)) <= there}
         moments = np.array(times[topic])
-        if GAUGE in columns:  # in the unit of the user's mapping, else of the standard message
+        if GAUGE in columns:  # unit of the user's mapping, or else of the standard message
             unit = units.get(f"{topic} {GAUGE}", "Pa")
             columns[GAUGE] = without_air(moments, columns[GAUGE], unit, topic, tally)
         tables[topic] = MessageTable(moments, columns)
@@ -172,11 +172,11 @@ def _tables(
 
 
 def _frames(recording: Ros2Recording, topics: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """Frames of the world and of the body that poses and attitudes are in, by topic, as the first
-    messages say; nothing of topics that cannot be decoded."""
+    """World and body frame of each topic of poses or attitudes, from its first message; a topic
+    that cannot be decoded is left out."""
     found: dict[str, tuple[str, str]] = {}
     for topic in topics:
-        with contextlib.suppress(Exception):  # the loop over all messages names such a topic
+        with contextlib.suppress(Exception):  # the loop over all messages reports such a topic
             channel, _, data = next(recording.messages([topic]))
             message: Any = channel.decode(data)
             found[topic] = (
@@ -191,7 +191,7 @@ def _ask_ned(
     frames: dict[str, tuple[str, str]],
     tally: Tally,
 ) -> None:
-    """Mark a pose as suspect whose z is positive under water in a frame that does not say so."""
+    """Mark a pose as suspect if its z is positive under water and its frame is not named NED."""
     signal = mapping.signals.get("measured_depth")
     topic, _, field = (signal.column if signal else "").partition(" ")
     if signal is None or signal.sign > 0.0 or topic not in frames or topic not in tables:
@@ -208,7 +208,7 @@ def _ask_ned(
 
 
 def _fields_of_all(mapping: Mapping, sources: dict[str, list[Signal]]) -> dict[str, list[str]]:
-    """The fields of a mapping and of every source of the signals that it does not map, by topic."""
+    """Fields of the mapping, and of all sources of the signals that it does not map, by topic."""
     found = wanted_fields(mapping)
     for k in range(max(map(len, sources.values()), default=0)):
         standard = {name: several[k] for name, several in sources.items() if k < len(several)}
@@ -219,7 +219,7 @@ def _fields_of_all(mapping: Mapping, sources: dict[str, list[Signal]]) -> dict[s
 
 
 def _moment(message: Any, logged: int) -> float:
-    """[s] when a message was true: its stamp, or when it was logged where it has none."""
+    """[s] Unix time of a message: its stamp, or the time of logging if it has none."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     if stamp is not None and stamp.sec > EARLIEST:
         return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
@@ -241,7 +241,7 @@ def _value(message: Any, field: str) -> Any:
 
 
 def _getter(fields: Sequence[str], topic: str) -> Callable[[Any], tuple[Any, ...]]:
-    """Takes the fields of a message, as `_value` does and quicker; `mode` is the topic's own."""
+    """Make a function that reads a message's fields faster than `_value`; `mode` is the topic's."""
     mode = 2.0 if topic.rpartition("/")[2] == "water" else 1.0
 
     def one(field: str) -> Callable[[Any], Any]:
@@ -256,12 +256,12 @@ def _getter(fields: Sequence[str], topic: str) -> Callable[[Any], tuple[Any, ...
 
 
 def read_rosbag2(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> list[DeploymentLog]:
-    """One log for each folder: all its files together.
+    """Read one log from each folder, all its files together.
 
     Raises:
       ModuleNotFoundError: rosbags is not installed.
-      WrongFormat: an MCAP file alone.
-      InputError: a file without its metadata.yaml; else as `read_mcap`.
+      WrongFormat: an MCAP file is alone, without metadata.yaml.
+      InputError: another file lacks its metadata.yaml; or as in `read_mcap`.
     """
     lost = [path for path in paths if not (path.parent / SAID).is_file()]
     if lost and lost[0].suffix.lower() == ".mcap":

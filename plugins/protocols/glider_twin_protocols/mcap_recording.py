@@ -1,7 +1,7 @@
-"""ROS 2 recording: the channels of an MCAP file or of a rosbag2 folder, and their messages.
+"""MCAP recording: channels and messages of an MCAP file or a rosbag2 folder.
 
-A channel that cannot be read, such as one of JSON or of a service's events, has the reason in
-place of its type; the others are read.
+A channel that cannot be read, such as JSON or a service's events, has a reason instead of a type;
+the others are read.
 """
 
 from __future__ import annotations
@@ -21,40 +21,40 @@ from twin.errors import InputError
 CDR = "cdr"
 """Encoding of messages in ROS 2"""
 DEFINITIONS = ("ros2msg", "ros2idl")
-"""Encodings of their definitions"""
+"""Encodings of message definitions in ROS 2"""
 _RULE = "=" * 80 + "\n"
-"""Between the definitions of one text"""
+"""Separator of the definitions in one text"""
 _COMPRESSED = re.compile(r"^\s*compression_mode:\s*[\"']?(file|message)\b", re.IGNORECASE | re.M)
 SAID = "metadata.yaml"
-"""File that makes a folder a recording"""
+"""File that every folder of rosbag2 has"""
 
 
 @dataclasses.dataclass(frozen=True)
 class Channel:
-    """One topic's messages of one type."""
+    """Channel of a recording: one topic's messages of one type."""
 
     topic: str
     kind: str
-    """Type of its messages, such as sensor_msgs/msg/Imu"""
+    """Type of the messages, such as sensor_msgs/msg/Imu"""
     types: Any
-    """The rosbags type store that knows it; None where it cannot be read."""
+    """Typestore of rosbags with this type; None if the channel cannot be read."""
     unread: str = ""
-    """Why it cannot be read; empty where it can."""
+    """Reason why the channel cannot be read; empty if it can."""
 
     def decode(self, data: bytes) -> Any:
-        """A message; raises whatever the decoder raises of damaged bytes."""
+        """Decode a message; damaged bytes can raise any exception of the decoder."""
         return self.types.deserialize_cdr(data, self.kind)
 
 
 class Ros2Recording:
-    """A file or a folder, opened for each reading anew."""
+    """MCAP file or rosbag2 folder, opened anew for each reading."""
 
     def __init__(self, path: Path):
-        """Read what channels there are.
+        """Read the list of channels.
 
         Raises:
-          InputError: a file unpacks to far too much.
-          Exception: whatever a parser raises of damaged files.
+          InputError: a file decompresses to far too many bytes.
+          Exception: any exception of a parser, for damaged files.
         """
         self.path = path
         self._by_rosbags = path.is_dir() and (
@@ -69,13 +69,13 @@ class Ros2Recording:
         else:
             self._of = {file: _channels(file) for file in files}
         self.cut = [] if self._by_rosbags else [file.name for file in files if is_cut(file)]
-        """Names of files that end before their end: what they hold until there is read"""
+        """Names of truncated files, which are read as far as they go"""
         every = [channel for channels in self._of.values() for channel in channels.values()]
         self.channels = sorted(every, key=lambda one: (one.topic, not one.unread))
-        """In order of topics; of one topic those that can be read come last"""
+        """Channels in order of topics; within a topic the readable ones come last"""
 
     def messages(self, topics: Collection[str]) -> Iterator[tuple[Channel, int, bytes]]:
-        """Channel, time of logging [ns] and bytes of each message of readable channels."""
+        """Channel, time of logging [ns] and bytes of each message; readable channels only."""
         for file, channels in self._of.items():
             of = {k: c for k, c in channels.items() if c.topic in topics and not c.unread}
             if not of:
@@ -91,7 +91,7 @@ class Ros2Recording:
 
 
 def _channel(topic: str, kind: str, encoding: str, definition: str, message: str = CDR) -> Channel:
-    """A channel by what a recording says of it."""
+    """Make a channel from a recording's entries on it."""
     if kind.count("/") == 1:
         kind = kind.replace("/", "/msg/")
     if message.lower() != CDR:
@@ -100,13 +100,13 @@ def _channel(topic: str, kind: str, encoding: str, definition: str, message: str
         return Channel(topic, kind, None, f"its type is written as {encoding or 'nothing'}")
     try:
         return Channel(topic, kind, _types(kind, encoding, definition))
-    except Exception as error:  # whatever another's parser raises of a definition
+    except Exception as error:  # the library's parser can raise anything on a definition
         why = " ".join(str(error).split())[:120] or type(error).__name__
         return Channel(topic, kind, None, f"the definition of {kind} cannot be read: {why}")
 
 
 def _types(kind: str, encoding: str, definition: str) -> Any:
-    """A type store that knows a definition; that of a ROS 2 distribution where there is none."""
+    """Typestore with a definition; without a definition, that of a ROS 2 distribution."""
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
     if not definition:
@@ -139,7 +139,7 @@ def _of_rosbags(connection: Any) -> Channel:
 
 
 def _check_packed_files(folder: Path) -> None:
-    """Refuse files of zstd that unpack to far too much; raises InputError."""
+    """Raise InputError for zstd files that decompress to far too many bytes."""
     import zstandard
 
     for path in folder.glob("*.zstd"):
@@ -151,7 +151,7 @@ def _check_packed_files(folder: Path) -> None:
 
 
 def _channels(path: Path) -> dict[int, Channel]:
-    """The channels of an MCAP file by their numbers: of its summary, or of all of it."""
+    """Channels of an MCAP file by number, from its summary or else from all its records."""
     from mcap.reader import make_reader
     from mcap.records import Channel as Record
     from mcap.records import Schema
@@ -181,7 +181,7 @@ def _channels(path: Path) -> dict[int, Channel]:
 
 
 def _messages(path: Path, channels: Mapping[int, Channel]) -> Iterator[tuple[int, int, bytes]]:
-    """Channel, time of logging [ns] and bytes of each message of some channels."""
+    """Channel number, time of logging [ns] and bytes of each message in these channels."""
     from mcap.records import Message
 
     for one in recorded(path):
@@ -190,22 +190,22 @@ def _messages(path: Path, channels: Mapping[int, Channel]) -> Iterator[tuple[int
 
 
 MAGIC = b"\x89MCAP0\r\n"
-"""Begins and ends a file"""
+"""Bytes at the start and at the end of an MCAP file"""
 
 
 def is_cut(path: Path) -> bool:
-    """Tell whether an MCAP file lacks its end, as after a loss of power while it was written."""
+    """True if an MCAP file lacks its end, as after a loss of power during recording."""
     with path.open("rb") as stream:
         stream.seek(-min(len(MAGIC), path.stat().st_size), os.SEEK_END)
         return stream.read() != MAGIC
 
 
 def recorded(path: Path) -> Iterator[Any]:
-    """The records of an MCAP file, those within its chunks too; of one that is cut, the whole ones.
+    """Iterate over the records of an MCAP file, in chunks too; a truncated last record is left out.
 
     Raises:
-      InputError: it unpacks to far too much.
-      Exception: whatever a parser raises of a damaged file.
+      InputError: a chunk is damaged, or the file decompresses to far too many bytes.
+      Exception: any exception of the parser, for a damaged file.
     """
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader, breakup_chunk
@@ -219,7 +219,7 @@ def recorded(path: Path) -> Iterator[Any]:
                 one = next(records)
             except StopIteration:
                 return
-            except Exception:  # whatever a parser raises
+            except Exception:  # a parser can raise anything on damaged bytes
                 if cut:
                     return
                 raise
@@ -237,7 +237,7 @@ def recorded(path: Path) -> Iterator[Any]:
 
 
 def _unpacked(compression: str, data: bytes, size: int) -> bytes:
-    """Unpack a chunk, up to one byte more than its size."""
+    """Decompress a chunk, at most one byte beyond its stated size."""
     if compression == "zstd":
         import zstandard
 

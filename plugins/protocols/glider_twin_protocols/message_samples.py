@@ -1,8 +1,8 @@
-"""Samples of recordings: ROS 2 messages by the library of `rosbags`, and ArduPilot's dataflash log.
+"""Message samples: writers of sample recordings, ROS 2 by `rosbags` and ArduPilot's dataflash log.
 
 Writers take times [s unix] and a state by name, in a store's units and axes: depth [m]; pitch,
 heading, roll [degree]; yaw_rate [rad/s]; surge, sway [m/s] and rpm of propelled vehicles; latitude,
-longitude [degree], NaN where there is no fix. All but the first three may be missing.
+longitude [degree], NaN without a fix. All but depth, pitch and heading may be missing.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from factory.samples import Array, Flight
 
 
 def messages(state: Mapping[str, Array], time: Array, types: Any) -> dict[str, list[Any]]:
-    """Make standard messages of ROS 2 by topic: axes forward, left, up and east, north, up.
+    """Make standard ROS 2 messages by topic, in axes forward, left, up and east, north, up.
 
     Args:
       types: typestore of rosbags.
@@ -83,7 +83,7 @@ def _quaternion(now: Mapping[str, float]) -> dict[str, float]:
 def write_bag(
     path: Path, state: Mapping[str, Array], time: Array, storage: str = "sqlite3"
 ) -> Path:
-    """Write a folder of rosbag2, whose storage is sqlite3 or mcap."""
+    """Write a rosbag2 folder with storage sqlite3 or mcap."""
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
@@ -102,7 +102,7 @@ def write_bag(
 
 
 def write_rosbag2(folder: Path, flight: Flight, storage: str = "sqlite3") -> list[Path]:
-    """Write dives as a recording."""
+    """Write dives as a rosbag2 recording."""
     time, state = flight.with_fixes()
     bag = write_bag(folder / "bag", state, time, storage)
     files = [one.rename(folder / one.name) for one in bag.iterdir()]
@@ -124,15 +124,15 @@ MCAP = {"mcap": write_mcap}
 
 FIELDS = {"Q": "Q", "B": "B", "f": "f", "c": "h", "C": "H", "L": "i", "I": "I", "H": "H",
           "b": "b", "n": "4s", "N": "16s", "Z": "64s"}  # fmt: skip
-"""ArduPilot's letters of the formats here, for `struct`."""
+"""Letters for `struct` by ArduPilot's letters for field types."""
 WEEK, LEAP = 604_800.0, 18.0
-"""[s] A week; leap seconds of GPS."""
+"""[s] A week; leap seconds between GPS time and UTC."""
 GPS_ZERO = 315_964_800.0
-"""[s] Unix time of 1980-01-06."""
+"""[s] Unix time of GPS time zero, 1980-01-06."""
 
 
 class Dataflash:
-    """ArduPilot's binary log: a format message of each kind, then its messages."""
+    """Writer of ArduPilot's binary log: format messages that define types, and messages."""
 
     def __init__(self) -> None:
         self.data = bytearray()
@@ -142,7 +142,7 @@ class Dataflash:
     def define(
         self, name: str, letters: str, columns: str, number: int = 0, size: int = 0
     ) -> None:  # fmt: skip
-        """Add a format; without a number the next one, of the size [byte] that its fields have."""
+        """Add a format message; number 0 is the next one, size 0 [byte] that of its fields."""
         number = number or 0x81 + len(self._formats)
         layout = "<" + "".join(FIELDS[letter] for letter in letters)
         self._formats[name] = (number, layout)
@@ -152,7 +152,7 @@ class Dataflash:
         )  # fmt: skip
 
     def add(self, name: str, *values: float | bytes) -> None:
-        """Add a message of a format that was defined."""
+        """Add a message of a defined format."""
         number, layout = self._formats[name]
         self.data += b"\xa3\x95" + bytes([number]) + struct.pack(layout, *values)
 
@@ -160,10 +160,10 @@ class Dataflash:
 def write_dataflash(
     path: Path, time: Array, state: Mapping[str, Array], *, clock: bool = True
 ) -> Path:
-    """Write a log in ArduSub's layout: ATT, CTUN and IMU, two of these; GPS where there is a fix.
+    """Write a log in ArduSub's layout: GPS, ATT, CTUN, RCOU and two instances of IMU.
 
     Args:
-      clock: whether the vehicle has met a satellite, so that its log has a date.
+      clock: the vehicle has had a GPS fix, so that its log has dates.
     """
     log = Dataflash()
     log.define("ATT", "QccccCC", "TimeUS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw")

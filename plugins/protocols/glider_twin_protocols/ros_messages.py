@@ -1,7 +1,7 @@
-"""ROS messages: which signals the fields of standard messages are, and the columns made of them.
+"""ROS messages: signals for the fields of standard messages, and columns computed from fields.
 
 Units and axes are those of REP 103: metre, radian, second; the body is forward, left, up, the world
-is east, north, up. A pose whose frame has NED in its name is in north, east, down.
+is east, north, up. A pose in a frame with NED in its name is in north, east, down.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from twin.records.schema import VARIABLES
 Array = NDArray[np.float64]
 
 GROUPS = {"truth": "true", "measured": "measured", "commanded": "commanded"}
-"""First word of our own topics, and of the signals that they become"""
+"""First word of a signal by the first word of its topic in exported recordings"""
 SI = {"degree": "rad", "cm3": "m3", "dbar": "Pa"}
-"""Unit of a bare number where it is not the store's"""
+"""Unit of a std_msgs number, where it differs from the store's"""
 GAUGE = "fluid_pressure.gauge"
-"""Field made here: a FluidPressure without the air's part, which stores do not have"""
+"""Field computed here: a FluidPressure minus the air's pressure, as in stores"""
 ANGLES = {"roll": 0, "pitch": 1, "yaw": 2}
 _ROUNDED = 0.01
-"""Rounding to three digits takes a quaternion less away from length 1"""
+"""[1] Largest difference of a quaternion's length from 1; rounding to three digits gives less"""
 
 
 def _pose(prefix: str) -> list[tuple[str, str, str, dict[str, Any]]]:
@@ -85,24 +85,24 @@ _KINDS: dict[str, list[tuple[str, str, str, dict[str, Any]]]] = {
         ("current_down", "vector.z", "m/s", {"sign": -1.0}),
     ],
 }
-"""Fields of standard messages: signal without its first word, field, unit, and how it
-differs. Of two sources of a signal the earlier kind is taken."""
+"""Fields by message type: signal without its first word, field, unit, and changes to the default
+`Signal`. Of two sources of a signal, the type that comes first here is taken."""
 _POSES = {"nav_msgs/msg/Odometry": "pose.pose.", "geometry_msgs/msg/PoseStamped": "pose."}
-"""Messages of a pose in a frame that they name, and where it is in them"""
+"""Message types with a pose, and the path of the pose in the message"""
 _IMU = "sensor_msgs/msg/Imu"
 NED = {kind: _pose_ned(prefix) for kind, prefix in _POSES.items()} | {
     _IMU: [(signal, field, unit, {"frame": "FRD"}) for signal, field, unit, _ in _KINDS[_IMU]]
 }
-"""The fields in frames that are north, east, down"""
+"""Fields by message type, for frames in north, east, down"""
 NO_MEASUREMENT = frozenset({"orientation_covariance.0", "angular_velocity_covariance.0",
                  "linear_acceleration_covariance.0", "status.status"})  # fmt: skip
-"""Fields that say that others are no measurement, where a message has them"""
+"""Fields that are negative if other fields of the message are not measured"""
 
 
 def standard_signals(
     kinds: dict[str, str], frames: dict[str, tuple[str, str]], tally: Tally
 ) -> dict[str, list[Signal]]:
-    """Signals of the standard messages of a recording, each with its sources, the best first."""
+    """Sources of each signal in a recording's standard messages, the best source first."""
     found: dict[str, list[Signal]] = {}
     rank = {kind: k for k, kind in enumerate(_KINDS)}
     known = set(signal_names())
@@ -122,21 +122,21 @@ def _ours(topic: str) -> bool:
 
 
 def _is_ned(frames: tuple[str, str]) -> bool:
-    """Read from the name of a frame that it is north, east, down."""
+    """True if a frame's name contains NED."""
     return any(re.search(r"(^|[^a-z])ned([^a-z]|$)", name.lower()) for name in frames)
 
 
 def merged_topic(topic: str) -> str:
-    """The two references of a Doppler log are one topic; what a message is against is its mode."""
+    """Common topic of a Doppler log's bottom and water velocities; other topics stay unchanged."""
     head, _, last = topic.rpartition("/")
     return head if head.endswith("dvl") and last in ("bottom", "water") else topic
 
 
 def _signals(topic: str, kind: str, ned: bool) -> Iterator[tuple[str, Signal]]:
-    """Signals of the fields of a standard message.
+    """Signals of a standard message's fields, with their names.
 
     Args:
-      ned: whether its frames are north, east, down and forward, starboard, down.
+      ned: the frames are north, east, down and forward, starboard, down.
     """
     group = GROUPS.get(topic.split("/")[1] if topic.startswith("/") else "", "measured")
     name = merged_topic(topic)
@@ -156,7 +156,7 @@ def _signals(topic: str, kind: str, ned: bool) -> Iterator[tuple[str, Signal]]:
             return
         if kind == "sensor_msgs/msg/NavSatFix":
             if group == "true":
-                return  # a store makes the true track of its own start
+                return  # the true track follows from true north and east
             if topic == "/measured/track":
                 signal = signal.removeprefix("gps_")
             yield signal, Signal(column=f"{name} {field}", unit=unit)
@@ -171,7 +171,7 @@ def _signals(topic: str, kind: str, ned: bool) -> Iterator[tuple[str, Signal]]:
 
 
 def raw_fields(field: str) -> tuple[str, ...]:
-    """The fields of a message that a column is made of."""
+    """Fields of a message from which a column is computed."""
     prefix, _, last = field.rpartition(".")
     if prefix.endswith("orientation") and last in ANGLES:
         raw = tuple(f"{prefix}.{axis}" for axis in "wxyz")
@@ -184,7 +184,7 @@ def raw_fields(field: str) -> tuple[str, ...]:
 
 
 def column_of(field: str, found: dict[str, Array]) -> Array:
-    """A column from the fields of its messages."""
+    """Compute a column from its messages' fields."""
     raw = raw_fields(field)
     if raw[0].endswith("orientation.w"):
         values = quaternion_to_euler(np.stack([found[name] for name in raw[:4]], axis=-1))
@@ -198,14 +198,14 @@ def column_of(field: str, found: dict[str, Array]) -> Array:
 
 
 def unit_quaternions(found: dict[str, Array], topic: str, tally: Tally) -> None:
-    """Attitudes of length 1 in place; those of another length are none, and are counted."""
+    """Normalise quaternions in place; quaternions of another length become NaN and are reported."""
     for prefix in [name.removesuffix(".w") for name in found if name.endswith("orientation.w")]:
         names = [f"{prefix}.{axis}" for axis in "wxyz"]
         if not set(names) <= set(found):
             continue
         length = np.sqrt(np.sum([found[name] ** 2 for name in names], axis=0))
         bad = ~(np.abs(length - 1.0) <= _ROUNDED)
-        said = bad & (found.get(f"{prefix}_covariance.0", length) >= 0.0)  # -1: none, by the rules
+        said = bad & (found.get(f"{prefix}_covariance.0", length) >= 0.0)  # -1: not measured
         tally.add("removed", topic, said, "no attitude: a quaternion not of length 1")
         for name in names:
             found[name] = np.where(bad, np.nan, found[name] / np.where(bad, 1.0, length))

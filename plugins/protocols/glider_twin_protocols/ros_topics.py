@@ -1,9 +1,8 @@
-"""ROS topics: which messages are made of which signals, of a store's mission or of a vehicle that
-flies now.
+"""ROS topics: messages from the signals of a store's mission or of a vehicle in simulation.
 
-Standard messages where there is one, and std_msgs/Float64 for every other signal. What happened is
-below /truth, what the sensors said below /measured, what was asked for below /commanded. Units are
-those of REP 103: metre, radian, second, pascal, cubic metre.
+A signal goes into a standard message if there is one, or else into std_msgs/Float64. True signals
+are below /truth, measured ones below /measured and commanded ones below /commanded. Units are those
+of REP 103: metre, radian, second, pascal, cubic metre.
 """
 
 from __future__ import annotations
@@ -24,85 +23,85 @@ Array = NDArray[np.float64]
 
 MAP, BASE, IMU = "map", "base_link", "imu_link"
 TRUE = "_true"
-"""Behind the frames of the true vehicle, of which the measured one is an estimate"""
+"""Suffix of the true vehicle's frames; frames without it are the estimated vehicle's"""
 GROUPS = {"true": "truth", "measured": "measured", "commanded": "commanded"}
 """Namespace by the first word of a signal"""
 SURFACE_PRESSURE, PASCAL = 101_325.0, 1e4
-"""[Pa] of the air, which stores leave out and FluidPressure contains; [Pa] in a dbar"""
+"""[Pa] Air pressure, which FluidPressure includes and stores do not; [Pa] one dbar"""
 SI = {
     "degree": ("rad", np.pi / 180.0),
     "degree s-1": ("rad s-1", np.pi / 180.0),
     "cm3": ("m3", 1e-6),
     "dbar": ("Pa", PASCAL),
 }
-"""Unit that stands for one of the store's, and its factor"""
+"""SI unit and factor by the store's unit"""
 RATES = ("roll_rate", "pitch_rate", "yaw_rate")
 FORCES = ("specific_force_x", "specific_force_y", "specific_force_z")
 ANGLES = ("roll", "pitch", "heading")
 CURRENT = ("current_north", "current_east", "current_down")
 DVL_MODES = {"bottom": 1, "water": 2}
 UNKNOWN, APPROXIMATED = 0, 1
-"""Kinds of covariance of a NavSatFix"""
+"""Covariance types of a NavSatFix"""
 FIX, GPS = 0, 1
 """Status and service of a NavSatFix"""
 NOT_MEASURED = (-1.0, *(0.0,) * 8)
-"""Covariance of an Imu's quantity that it does not measure"""
+"""Covariance that marks a quantity as not measured by an Imu"""
 
 
 class Samples(Protocol):
-    """Mission, or moment of a flight, that topics are made of."""
+    """Protocol of the samples of a mission, or of one sample of a simulation, for topics."""
 
     names: list[str]
-    """Names of its signals, as in a store"""
+    """Names of the signals, as in a store"""
     count: int
     time: NDArray[np.int64]
-    """[ns] unix time of each sample"""
+    """[ns] Unix time of each sample"""
     latitude: Array
     longitude: Array
-    """[degree] of each sample"""
+    """[degree] Longitude of each sample; the latitude has the same unit"""
     logged: bool
-    """True if a real vehicle logged it, so that nobody knows the truth"""
+    """True if a real vehicle logged the mission, so that the truth is unknown"""
     imu_position: Array
-    """[m] from the centre of buoyancy, forward, starboard, down"""
+    """[m] Position of the IMU from the centre of buoyancy, forward, starboard, down"""
     gps_deviation: float | None
-    """[m] of the fixes, per axis; None where nobody knows it"""
+    """[m] Standard deviation of the fixes per axis; None if unknown"""
     imu: Imu | None
-    """The sensor behind `measured_...`, where it is known"""
+    """IMU that measured the signals; None if unknown"""
     period: float
-    """[s] between samples"""
+    """[s] Sample period"""
 
     def signal(self, name: str) -> Array:
-        """A signal in a store's units, (samples,)."""
+        """Signal in the store's unit, (samples,)."""
 
     def track(self) -> tuple[Array, Array]:
-        """North and east [m] of a log's places from the origin of `map`."""
+        """[m] North and east of a log's positions from the origin of `map`."""
 
     def fixes(self) -> tuple[Array, Array]:
-        """Latitude and longitude [degree] of the GPS fixes, (samples,); NaN without one."""
+        """[degree] Latitude and longitude of the GPS fixes, (samples,); NaN without a fix."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Topic:
-    """Messages of one topic of a mission."""
+    """Messages of one topic."""
 
     name: str
-    """Such as /measured/imu"""
+    """Name of the topic, such as /measured/imu"""
     type: str
-    """Such as sensor_msgs/msg/Imu"""
+    """Type of the messages, such as sensor_msgs/msg/Imu"""
     values: Mapping[str, Any]
-    """Fields as `cdr.encode` takes them, arrays with a row for each sample"""
+    """Fields as `cdr.encode` takes them; arrays have a row per sample"""
     known: NDArray[np.bool_]
-    """Samples that have a message"""
+    """True for samples with a message"""
     signals: tuple[str, ...]
-    """Signals that it was made of"""
+    """Names of the signals in the messages"""
     frame: str = ""
-    """Frame of the header; empty where the type has none"""
+    """Frame of the header; empty for a type without header"""
     units: str = ""
-    """Units of a bare number"""
+    """Unit of a std_msgs number; empty for other types"""
 
 
 def topics(samples: Samples) -> Iterator[Topic]:
-    """All topics of a mission, standard messages first."""
+    """All topics of the samples, standard messages first."""
     used: set[str] = set()
     for topic in _standard(samples):
         used.update(topic.signals)
@@ -145,7 +144,7 @@ def _standard(samples: Samples) -> Iterator[Topic]:
 
 
 def _imu(samples: Samples, group: str) -> Iterator[Topic]:
-    """Attitude, rates and specific force, which ROS calls linear acceleration."""
+    """Topic of attitude, rates and specific force, which ROS calls linear acceleration."""
     suffix = TRUE if group == "true" else ""
     rates, forces = _names(group, *RATES), _names(group, *FORCES)
     angles = _names(group, *ANGLES)
@@ -165,7 +164,7 @@ def _imu(samples: Samples, group: str) -> Iterator[Topic]:
 
 
 def _pose(samples: Samples, group: str) -> Iterator[Topic]:
-    """Where the vehicle is, as odometry, pose and transform."""
+    """Topics of the vehicle's pose: odometry or pose, velocity through the water, transforms."""
     measured = group == "measured"
     logged = samples.logged
     tracks = ("north", "east") if not measured else ("onboard_north", "onboard_east")
@@ -211,7 +210,7 @@ def _pose(samples: Samples, group: str) -> Iterator[Topic]:
 
 
 def _doppler(samples: Samples) -> Iterator[Topic]:
-    """Velocity by the Doppler log, over the bottom and through the water apart."""
+    """Topics of the Doppler log's velocity, one over the bottom and one through the water."""
     names = _names("measured", "dvl_surge", "dvl_sway", "dvl_heave")
     if not _all_of(samples, *names, "measured_dvl_mode"):
         return
@@ -231,7 +230,7 @@ def _fix(
     samples: Samples, name: str, latitude: Array, longitude: Array, signals: tuple[str, ...],
     deviation: float | None,
 ) -> Topic:  # fmt: skip
-    """Places as a map shows them; the height is above the sea surface."""
+    """Topic of positions (NavSatFix), with altitude above the sea surface."""
     depth = next((n for n in ("true_depth", "measured_depth") if n in samples.names), None)
     deep = name != "/measured/fix" and depth is not None
     height = -samples.signal(depth) if deep and depth is not None else np.zeros(samples.count)
@@ -251,7 +250,7 @@ def _fix(
 def _imu_covariances(samples: Samples) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Covariances of rates [(rad/s)2] and specific force [(m/s2)2]; zeros mean unknown.
 
-    White noise, bias instability and turn-on bias of a sample, each as its deviation.
+    The variance of a sample is the sum of those of white noise, bias instability and turn-on bias.
     """
 
     def of(density: float, instability: float, bias: float) -> tuple[float, ...]:
@@ -268,13 +267,13 @@ def _imu_covariances(samples: Samples) -> tuple[tuple[float, ...], tuple[float, 
 
 
 def in_si(name: str) -> tuple[str, float]:
-    """The unit of a signal's messages, and its factor to a store's numbers."""
+    """Unit of a signal's messages, and the factor from the store's unit."""
     stored = VARIABLES[name].units
     return SI.get(stored, (stored, 1.0))
 
 
 def _number(samples: Samples, name: str) -> Topic:
-    """A signal that no standard message has."""
+    """Topic of a signal without a standard message."""
     group, rest = name.split("_", 1)
     units, factor = in_si(name)
     values = samples.signal(name) * factor
@@ -288,7 +287,7 @@ def _stamped(
     samples: Samples, name: str, kind: str, values: Mapping[str, Any], signals: Any, *,
     frame: str = BASE,
 ) -> Topic:  # fmt: skip
-    """A topic with headers; samples with a gap in any field have no message."""
+    """Topic with headers; samples with a gap in any field have no message."""
     suffixed = frame + TRUE if name.startswith("/truth") and frame == BASE else frame
     header = {"stamp": _stamp(samples.time), "frame_id": suffixed}
     return Topic(
@@ -301,7 +300,7 @@ def _transform(
     samples: Samples, name: str, frames: tuple[str, str], place: Array, turn: Mapping[str, Any],
     known: NDArray[np.bool_],
 ) -> Topic:  # fmt: skip
-    """Where the second of two frames is in the first."""
+    """Topic of the pose of the second of two frames in the first."""
     transform = {
         "header": {"stamp": _stamp(samples.time), "frame_id": frames[0]},
         "child_frame_id": frames[1],
@@ -314,7 +313,7 @@ def _transform(
 
 
 def _finite(values: Any, count: int) -> NDArray[np.bool_]:
-    """Samples whose fields all are numbers."""
+    """True for samples whose fields are all finite."""
     known = np.ones(count, bool)
     if isinstance(values, np.ndarray):
         known &= np.isfinite(values.reshape(count, -1)).all(axis=1)
@@ -329,7 +328,7 @@ def _all_of(samples: Samples, *names: str) -> bool:
 
 
 def _vector(samples: Samples, group: str, *names: str) -> tuple[Array, ...]:
-    """Signals of a group such as `true`; zeros where there are none."""
+    """Signals of a group such as `true`; zeros for missing ones."""
     return tuple(
         samples.signal(f"{group}_{name}") if f"{group}_{name}" in samples.names else
         np.zeros(samples.count)

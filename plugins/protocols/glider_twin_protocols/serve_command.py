@@ -1,5 +1,5 @@
-"""`twin serve`: one vehicle as a process that ArduPilot, or what speaks its protocol, or ROS 2
-drives."""
+"""`twin serve`: run one vehicle as a server that ArduPilot (or a client with its protocol) or
+ROS 2 drives."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 LOOPBACK = "127.0.0.1"
 OF_ARDUPILOT = ("channels", "exposed_to")
 OF_ROS2 = ("router", "token_file", "domain", "keys", "rate")
-"""Options that one protocol alone has; they are refused with the other"""
+"""Options of one protocol, which are refused with the other"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Serve(JsonOption):
-    """Fly one vehicle for a client: servo pulses in by UDP, its state out as JSON, as ArduPilot's
-    SITL expects of its physics, or messages of ROS 2 in and out over Zenoh. Ctrl-C ends it and
-    writes what was flown.
+    """Simulate one vehicle for a client: ArduPilot's SITL sends servo pulses by UDP and receives
+    the state as JSON; ROS 2 sends and receives messages over Zenoh. Ctrl-C ends the simulation and
+    writes the flight.
 
     Examples:
 
@@ -36,50 +36,50 @@ class Serve(JsonOption):
     """
 
     protocol: Literal["ardupilot", "ros2"] = "ardupilot"
-    """what drives it: ArduPilot's JSON interface, or ROS 2 over Zenoh, in real time"""
+    """protocol of the client: ArduPilot's JSON interface, or ROS 2 over Zenoh in real time"""
     vehicle: str = "remus"
     """shipped vehicle name, or the path of an MJCF file"""
     channels: Annotated[str | None, tyro.conf.arg(metavar="PART[,PART ...]")] = None
-    """which part each servo channel moves, from channel 1 on [default: the vehicle's parts in the
+    """parts that the servo channels move, from channel 1 on [default: the vehicle's parts in the
     order of its file]; 1500 us is rest, 1000 and 2000 us are the ends of the travel"""
     current: str = "none"
     """current, as in `twin simulate`"""
     floor: str = "none"
     """sea floor, as in `twin simulate`; its distance is sent as rng_1"""
     start: Annotated[str | None, tyro.conf.arg(metavar="LAT,LON[,TIME]")] = None
-    """where and when it begins, as in `twin simulate`"""
+    """place and time of the start, as in `twin simulate`"""
     duration: Seconds = 86400.0
-    """vehicle's time after which it ends, such as 3600 (seconds) or 6h"""
+    """simulated time after which the flight ends, such as 3600 (seconds) or 6h"""
     host: str = LOOPBACK
     """address to serve on"""
     port: int | None = None
     """port [default: UDP 9002, ArduPilot's, or TCP 7447, Zenoh's]"""
     router: str | None = None
-    """ros2: connect to this router, such as tcp/127.0.0.1:7447, in place of listening"""
+    """ros2: connect to this router, such as tcp/127.0.0.1:7447, instead of listening"""
     token_file: Path | None = None
-    """ros2: a file with the password of the user twin, which Zenoh's clients then must name; a
-    --host that other machines reach needs one"""
+    """ros2: file with the password of the user twin, which Zenoh's clients must then give; required
+    for a --host that other machines can reach"""
     domain: int | None = None
     """ros2: ROS_DOMAIN_ID [default: 0]"""
     keys: Literal["rmw_zenoh", "ros2dds"] | None = None
     """ros2: name topics as rmw_zenoh does, or as zenoh-bridge-ros2dds [default: rmw_zenoh]"""
     rate: float | None = None
-    """ros2: messages per second [default: one a control period of the vehicle]"""
+    """ros2: messages per second [default: one per control period of the vehicle]"""
     exposed_to: Annotated[str | None, tyro.conf.arg(metavar="ADDRESS[,ADDRESS ...]")] = None
-    """with a --host that other machines reach: who may drive, such as 192.168.1.20 or
-    192.168.1.0/24. The protocol has no token: whoever sends from there, or with such a false
-    address, drives the vehicle"""
+    """clients that may drive, required for a --host that other machines can reach, such as
+    192.168.1.20 or 192.168.1.0/24. The protocol has no token: a sender with a forged address can
+    drive the vehicle too"""
     silence: Seconds = 2.0
     """seconds without a packet after which the client is lost and the vehicle flies its failsafe"""
     mavlink: str | None = None
-    """send MAVLink telemetry there too, such as udpout:127.0.0.1:14550"""
+    """also send MAVLink telemetry to this address, such as udpout:127.0.0.1:14550"""
     out: Path | None = None
-    """write what was flown to this zarr store"""
+    """write the flight to this zarr store"""
     overwrite: bool = False
     """replace an existing store"""
 
     def run(self, console: Console) -> int:
-        """Serve, and store what was flown."""
+        """Serve, and store the flight."""
         import twin
         from glider_twin_protocols import MavlinkTelemetry
         from twin import SteppedVehicle
@@ -176,7 +176,7 @@ class Serve(JsonOption):
 
 
 def _until_interrupted(server: Any, console: Console) -> tuple[Any, Ended | None]:
-    """Account of the server, and the signal that ended it where that was not Ctrl-C."""
+    """Run a server; returns its counts, and the signal that ended it if it was not Ctrl-C."""
     ended = None
     try:
         server.run()

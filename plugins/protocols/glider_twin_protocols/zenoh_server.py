@@ -1,6 +1,6 @@
-"""ROS 2 over Zenoh: a vehicle in real time, its state as messages of ROS, commands by topic.
+"""Zenoh server: simulate a vehicle in real time, with ROS 2 messages of state and commands.
 
-Keys, graph tokens and what is attached to a message: those of rmw_zenoh, its design.md and
+Keys, graph tokens and message attachments follow rmw_zenoh: design.md and
 rmw_zenoh_cpp/src/detail/{liveliness_utils,attachment_helpers}.cpp of github.com/ros2/rmw_zenoh,
 0.2.4 and later (its pull request 601). Keys of zenoh-bridge-ros2dds are the topic's name alone:
 zenoh-plugin-ros2dds/src/ros2_utils.rs of github.com/eclipse-zenoh/zenoh-plugin-ros2dds.
@@ -39,39 +39,39 @@ from twin.sensors import Imu
 Array = NDArray[np.float64]
 
 PORT = 7447
-"""Zenoh's"""
+"""TCP port of Zenoh"""
 DISTRIBUTION = "ROS2_JAZZY"
-"""Whose definitions the messages have: the first with rmw_zenoh and with hashes of types"""
+"""ROS 2 distribution of the message definitions: the first with rmw_zenoh and type hashes"""
 DOMAINS = 232
 """Highest ROS_DOMAIN_ID, docs.ros.org, About Domain ID"""
 USER = "twin"
-"""User name of a client with the token, for Zenoh's user and password"""
+"""User name that goes with the token in Zenoh's user and password"""
 NODE = "glider_twin"
 QOS = "::,10:,:,:,,"
-"""rmw_zenoh's default quality of service, ten messages deep"""
+"""Default quality of service of rmw_zenoh, ten messages deep"""
 NUMBER = "std_msgs/msg/Float64"
-"""Type of a command"""
+"""Message type of a command"""
 LITTLE, BIG = HEADER[:2], b"\0\0"
 """Byte orders of plain CDR"""
 
 
 @dataclass
 class ServedRos:
-    """Account of a server."""
+    """Counts of a server's frames and commands."""
 
     frames: int = 0
     commands: int = 0
     refused: int = 0
-    """Messages on the topics of commands that are no finite std_msgs/Float64."""
+    """Messages on command topics that are no finite std_msgs/Float64."""
     late: int = 0
-    """Frames that began more than one frame late, after which the vehicle's time lags the clock."""
+    """Frames that began more than one period late; simulated time then lags the clock."""
     lost: int = 0
-    """Times that commands ceased and the vehicle went into its failsafe."""
+    """Times that commands ceased, so that the vehicle flew its failsafe."""
 
 
 @dataclass
 class _Wanted:
-    """Positions that clients asked for; written by Zenoh's threads."""
+    """Positions that clients have commanded; Zenoh's threads write them."""
 
     positions: dict[str, float] = field(default_factory=dict)
     heard: float = -math.inf
@@ -79,7 +79,7 @@ class _Wanted:
 
 
 class ZenohServer:
-    """Publishes one vehicle and takes commands; a context manager that holds the session."""
+    """Server that publishes one vehicle and takes commands; a context manager for its session."""
 
     def __init__(
         self,
@@ -99,22 +99,22 @@ class ZenohServer:
         """Open the session.
 
         Args:
-          flown: the vehicle.
-          start: latitude and longitude [degree] of the flight's start.
-          host, port: where Zenoh's clients connect, by TCP.
-          router: connect to this router in place of listening, such as tcp/127.0.0.1:7447.
-          token: password of the user `twin`, without which nobody connects; with a router, what is
-            said to it.
+          flown: vehicle to drive.
+          start: [degree] latitude and longitude of the flight's start.
+          host, port: TCP address to which Zenoh's clients connect.
+          router: connect to this router instead of listening, such as tcp/127.0.0.1:7447.
+          token: password of the user `twin`, which clients must give; with a router, the server
+            gives it to the router.
           domain: ROS_DOMAIN_ID.
-          bridge: keys of zenoh-bridge-ros2dds in place of rmw_zenoh's.
-          rate: [Hz] of messages and of looks at the commands; None: once a control period.
-          silence: [s] without a command after which the clients are lost.
+          bridge: use the keys of zenoh-bridge-ros2dds instead of rmw_zenoh's.
+          rate: [Hz] rate of frames; None: one frame per control period.
+          silence: [s] time without a command after which the clients are lost.
           telemetry: called after each frame.
 
         Raises:
           ModuleNotFoundError: eclipse-zenoh or rosbags is not installed.
-          InputError: a host that other machines reach without a token, a number that is none of
-            its kind, or Zenoh refuses.
+          InputError: a token is missing for a host that other machines can reach, a number is out
+            of range, or Zenoh refuses.
         """
         for name, value in (("silence", silence), ("rate", 1.0 if rate is None else rate)):
             if not 0.0 < value < math.inf:
@@ -146,7 +146,7 @@ class ZenohServer:
             raise
 
     def _listen(self) -> None:
-        """Take commands, and announce it."""
+        """Subscribe to the command topics, and announce node and subscribers to ROS."""
         if not self._bridge:
             self._announce("NN", 0)
         for number, part in enumerate(self.flown.vehicle.parts, 1):
@@ -165,10 +165,10 @@ class ZenohServer:
         self._session.close()
 
     def run(self, until: Callable[[], bool] = lambda: False) -> ServedRos:
-        """Serve until the flight ends or `until` says so; what was served.
+        """Serve until the flight ends or `until` is True; returns the counts.
 
-        The vehicle stands at its start and is published until the first command. From then on it
-        flies in real time by the newest command of each part; parts that nobody commanded rest.
+        Until the first command, the vehicle stays at its start and is published. From then on it
+        is simulated in real time with the newest command of each part; other parts rest.
         """
         due, moment, flying, lost = time.monotonic(), time.time_ns(), False, False
         while not self.flown.ended and not until():
@@ -207,10 +207,10 @@ class ZenohServer:
         return Command(**{n: min(max(x, ends[n][0]), ends[n][1]) for n, x in positions.items()})
 
     def _publish(self, moment: int) -> None:
-        """Send the state of now.
+        """Publish the present state.
 
         Args:
-          moment: [ns] unix time.
+          moment: [ns] unix time of the messages.
         """
         self._samples.take(moment)
         for topic in topics(self._samples):
@@ -224,7 +224,7 @@ class ZenohServer:
             publisher.put(data, attachment=attached)
 
     def _publisher(self, topic: Topic) -> tuple[Any, bytes]:
-        """A topic's, and the 16 bytes by which rmw_zenoh tells publishers apart."""
+        """Publisher of a topic, and the 16 bytes by which rmw_zenoh distinguishes publishers."""
         kind = topic.type
         publisher = self._session.declare_publisher(self._key(topic.name, kind, self._hash(kind)))
         number = len(self.flown.vehicle.parts) + 1 + len(self._publishers)
@@ -241,7 +241,7 @@ class ZenohServer:
         return str(self._types.hash_rihs01(kind))
 
     def _announce(self, entity: str, number: int, name: str = "", kind: str = "") -> None:
-        """Tell the graph of ROS of the node, or of an end of a topic."""
+        """Announce the node, or a topic's publisher or subscriber, to the ROS graph."""
         words = ["@ros2_lv", self._domain, self._session.info.zid(), 0, number, entity, "%", "%"]
         words.append(NODE)
         if name:
@@ -251,7 +251,7 @@ class ZenohServer:
 
 
 def _taker(wanted: _Wanted, served: ServedRos, part: str, factor: float) -> Callable[[Any], None]:
-    """Make the receiver of a part's commands; a message is its position times the factor."""
+    """Make the callback for a part's commands; a message has the position times `factor`."""
 
     def take(sample: Any) -> None:
         data = bytes(sample.payload)
@@ -271,13 +271,13 @@ def _taker(wanted: _Wanted, served: ServedRos, part: str, factor: float) -> Call
 
 
 def _dds(kind: str) -> str:
-    """std_msgs/msg/Float64 as DDS writes it: std_msgs::msg::dds_::Float64_."""
+    """DDS name of a type: std_msgs/msg/Float64 becomes std_msgs::msg::dds_::Float64_."""
     package, folder, name = kind.split("/")
     return f"{package}::{folder}::dds_::{name}_"
 
 
 def _opened(zenoh: Any, endpoint: str, router: bool, token: str | None) -> Any:
-    """A session; it finds others by the endpoint alone."""
+    """Open a Zenoh session that connects by the endpoint alone, without multicast."""
     settings: dict[str, Any] = {
         "mode": "client" if router else "peer",
         "scouting/multicast/enabled": False,
@@ -289,7 +289,7 @@ def _opened(zenoh: Any, endpoint: str, router: bool, token: str | None) -> Any:
         settings["transport/auth/usrpwd/user"] = USER
         settings["transport/auth/usrpwd/password"] = token
         if not router:
-            number, users = tempfile.mkstemp(prefix="twin-serve-")  # for its owner alone
+            number, users = tempfile.mkstemp(prefix="twin-serve-")  # only its owner may read it
             os.write(number, f"{USER}:{token}\n".encode())
             os.close(number)
             settings["transport/auth/usrpwd/dictionary_file"] = users
@@ -308,14 +308,14 @@ def _opened(zenoh: Any, endpoint: str, router: bool, token: str | None) -> Any:
 
 @dataclasses.dataclass
 class LiveSamples:
-    """One sample of now, as `ros_topics.Samples`.
+    """The vehicle's present sample, as `ros_topics.Samples`.
 
-    It has the truth alone: what was commanded comes from others, by topics of the same names.
+    The sample has true signals only: clients publish the topics of commands.
     """
 
     flown: SteppedVehicle
     start: tuple[float, float]
-    """Latitude and longitude [degree] of the flight's start, the origin of `map`"""
+    """[degree] Latitude and longitude of the flight's start, the origin of `map`"""
     gps_deviation: float | None = None
     imu: Imu | None = None
     logged: bool = False
@@ -329,7 +329,7 @@ class LiveSamples:
         self.take(0)
 
     def take(self, moment: int) -> None:
-        """Look at the vehicle.
+        """Take a sample of the vehicle's state.
 
         Args:
           moment: [ns] unix time of the sample.
@@ -342,13 +342,13 @@ class LiveSamples:
         self.latitude, self.longitude = from_tangent_plane(north, east, *self.start)
 
     def signal(self, name: str) -> Array:
-        """A signal in a store's units, (1,)."""
+        """Signal in the store's unit, (1,)."""
         return np.array([self._now[name]])
 
     def track(self) -> tuple[Array, Array]:
-        """North and east [m] from the start."""
+        """[m] North and east from the start."""
         return self.signal("true_north"), self.signal("true_east")
 
     def fixes(self) -> tuple[Array, Array]:
-        """The places: there are no fixes among truths."""
+        """True position: the sample has no GPS fixes."""
         return self.latitude, self.longitude

@@ -135,7 +135,7 @@ def test_a_long_step_is_stable_where_the_damping_of_rates_is_stiff():
     stiff = vehicle.replace(law=vehicle.flow_frame.scaled(factors))
     given = scenario(vehicle=stiff, duration=600.0, sample_period=1.0)
     with pytest.warns(InaccurateStep, match="is too long at"):
-        slow = twin.simulate(dataclasses.replace(given, timestep=0.2))
+        slow = twin.simulate(dataclasses.replace(given, timestep=0.125))
     fine = twin.simulate(dataclasses.replace(given, timestep=0.02))
     assert np.abs(slow.v_rel - fine.v_rel)[-200:].max() < 1e-3
 
@@ -166,8 +166,10 @@ def test_a_step_that_is_too_long_is_told_before_the_flight():
     said = r"timestep 0\.5 s is too long at 0\.35 m/s.* unstable; take at most"
     with pytest.raises(StepTooLong, match=said):
         twin.simulate(rogue)
+    with pytest.raises(StepTooLong, match=r"take at most 0\.1 s"):
+        twin.simulate(dataclasses.replace(rogue, timestep=0.2))  # it was off by 0.8 m/s
     with pytest.warns(InaccurateStep, match=r"take at most 0\.1 s"):
-        twin.simulate(dataclasses.replace(rogue, timestep=0.2))
+        twin.simulate(dataclasses.replace(rogue, timestep=0.14, sample_period=0.7))
     alone, refused = twin.simulate_many([fleet(1)[0], rogue])
     assert isinstance(refused, StepTooLong)
     assert digest(alone) == digest(twin.simulate(fleet(1)[0]))

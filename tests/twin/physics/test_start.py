@@ -292,3 +292,12 @@ def test_a_place_on_the_command_line():
     for text in ("49", "a,b", "1,2,3,4"):
         with pytest.raises(InputError, match="write LATITUDE,LONGITUDE"):
             parse_place(text)
+
+
+@pytest.mark.parametrize("pitch", [90.0, -90.0])
+@pytest.mark.parametrize("engine", ["mujoco", "lanes"])
+def test_a_start_straight_up_or_down_keeps_its_heading(pitch, engine):
+    start = Start(depth=50.0, pitch=np.radians(pitch), heading=np.radians(130.0))
+    run = twin.simulate(duration=1.0, start=start, engine=engine)
+    first = [run[f"true_{name}"][0] for name in ("heading", "roll", "pitch")]
+    assert first == pytest.approx([130.0, 0.0, pitch], abs=1e-4)

@@ -1,8 +1,8 @@
-"""Parameters of a current: strength and duration of its parts, and their prior.
+"""Current parameters: size and correlation time of a current's components, and their prior.
 
-The filter learns each part's actual course from the fixes. Here are also the tidal frequencies that
-a current may hold, those that a record can tell apart, and the place of each number in the state of
-a current filter.
+A filter estimates each component's actual course from the fixes. This module also has the tidal
+frequencies that a current may contain, the ones that a record can separate, and the layout of a
+current filter's state.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ Species = Literal["semidiurnal", "diurnal"]
 
 
 class Constituent(NamedTuple):
-    """One line of the tide."""
+    """Constituent of the tide."""
 
     name: str
     period: float
-    """[h]"""
+    """[h] Period"""
     species: Species
     amplitude: float
-    """[1] of the equilibrium tide, Doodson's coefficient"""
+    """[1] Amplitude in the equilibrium tide, Doodson's coefficient"""
 
 
 CONSTITUENTS = {
@@ -42,24 +42,24 @@ CONSTITUENTS = {
         Constituent("N2", 12.65834751, "semidiurnal", 0.17391),
     )
 }
-"""In the order in which a longer record adds them."""
+"""Tidal constituents, in the order in which a longer record adds them."""
 STRONGEST = {"semidiurnal": "M2", "diurnal": "K1"}
-"""Strongest line of each species: the amplitudes of the others count from it."""
+"""Strongest constituent of each species; the others' amplitudes are relative to it."""
 RAYLEIGH = 0.5
-"""[1] Cycles by which two lines must part over a record to be told apart. Harmonic analysis asks
-for one; a filter with priors resolves with half of it (Pugh and Woodworth 2014, chapter 4)."""
+"""[1] Least difference of two constituents in cycles over a record. Harmonic analysis needs 1; a
+filter with priors resolves with half of that (Pugh and Woodworth 2014, chapter 4)."""
 
 
 def chosen_constituents(duration: float, interval: float) -> tuple[str, ...]:
-    """Names of the constituents that a record of surfacings can tell apart.
+    """Names of the constituents that a record of surfacings can separate.
 
-    The strongest line of a species is always among them, unless the surfacings alias it. Others
-    join when the record is long enough to part them from those before.
+    The strongest constituent of a species is always included, unless the surfacings alias it.
+    Another is included if the record is long enough to separate it from those already chosen.
 
     Args:
       duration: [h] of the record.
-      interval: [h] usually from surfacing to surfacing: a line whose half period is shorter would
-        be seen at a false frequency.
+      interval: [h] usual time between surfacings. A constituent with a shorter half period would
+        appear at a false frequency, and is left out.
     """
     chosen: list[Constituent] = []
     for one in CONSTITUENTS.values():
@@ -72,14 +72,14 @@ def chosen_constituents(duration: float, interval: float) -> tuple[str, ...]:
 
 
 def relative_amplitude(name: str) -> float:
-    """[1] Amplitude of a constituent by that of the strongest of its species, equilibrium tide."""
+    """[1] Amplitude of a constituent relative to the strongest of its species, equilibrium tide."""
     one = CONSTITUENTS[name]
     return one.amplitude / CONSTITUENTS[STRONGEST[one.species]].amplitude
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CurrentParameters:
-    """Strength and memory of a current's parts. Deviations are of north and of east each.
+    """Parameters of a current's components; standard deviations hold for north and east each.
 
     Raises:
       InputError: a negative or infinite value, a time that is not positive, or an unknown
@@ -87,35 +87,35 @@ class CurrentParameters:
     """
 
     mean: float = 0.15
-    """[m/s] standard deviation of the mean current before the first fix"""
+    """[m/s] Standard deviation of the mean current before the first fix"""
     wander: float = 0.0375
-    """[m/s] by which the mean current wanders in a day (a random walk)"""
+    """[m/s] Standard deviation of the mean current's change in a day (a random walk)"""
     eddy: float = 0.0525
-    """[m/s] of the first-order Gauss-Markov part: eddies, weather"""
+    """[m/s] Standard deviation of the first-order Gauss-Markov component: eddies, weather"""
     eddy_time: float = 8.0
-    """[h] after which that part has lost its memory"""
+    """[h] Correlation time of that component"""
     semidiurnal: float = 0.0424
-    """[m/s] of each rotary component of M2; its neighbours in the equilibrium's proportion"""
+    """[m/s] Standard deviation of each rotary component of M2; the others in proportion"""
     diurnal: float = 0.0265
-    """[m/s] of each rotary component of K1"""
+    """[m/s] Standard deviation of each rotary component of K1"""
     tide_time: float = 20.0
-    """[d] after which a constituent has lost its phase"""
+    """[d] Correlation time of a constituent's phase and amplitude"""
     inertial: float = 0.0225
-    """[m/s] of the inertial oscillation"""
+    """[m/s] Standard deviation of the inertial oscillation"""
     inertial_time: float = 3.0
-    """[d] in which it decays"""
+    """[d] Decay time of the inertial oscillation"""
     dive: float = 0.012
-    """[m/s] of what a single dive adds and does not pass on: the profile of the current, the
-    speed's error"""
+    """[m/s] Standard deviation of a single dive's own error, independent of the next dive's:
+    shear, the speed's error"""
     speed_scale: float = 0.06
-    """[1] of the relative error of the speed through the water"""
+    """[1] Standard deviation of the relative error of the speed through the water"""
     compass: float = 3.4
-    """[degree] of the compass' offset"""
+    """[degree] Standard deviation of the compass' offset"""
     constituents: tuple[str, ...] = ("M2", "K1")
-    """of the tide"""
+    """Constituents of the tide"""
     field: float = 0.0
-    """[1] part that counts of the current that a forecast field foretells, where there is one: all
-    other numbers are then of what the field lacks"""
+    """[1] Weight of a forecast field's current; with a field, all other parameters describe the
+    difference between the current and the weighted field"""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -132,10 +132,10 @@ class CurrentParameters:
 
     @classmethod
     def persistence(cls, wander: float) -> CurrentParameters:
-        """The special case in which the last dive's current is the forecast.
+        """Create parameters for persistence, where the last dive's current is the forecast.
 
         Args:
-          wander: [m/s] in a day.
+          wander: [m/s] standard deviation of the current's change in a day.
         """
         return cls(
             wander=wander, eddy=0.0, semidiurnal=0.0, diurnal=0.0, inertial=0.0,
@@ -149,27 +149,27 @@ class CurrentParameters:
 
 
 DEGREES = 5.0
-"""[1] of freedom of Student's t, as which the fixes of a deployment are distributed about what a
-filter with given parameters expects: as heavy as the tails of currents' changes are, and as far as
-seas of the same parameters differ. All deviations of `CurrentParameters` are those of its centre,
-whose covariance is DEGREES / (DEGREES - 2) times theirs."""
+"""[1] Degrees of freedom of the Student's t distribution of a deployment's fixes about the filter's
+predictions. It covers the heavy tails of current changes and the differences between similar seas.
+The standard deviations in `CurrentParameters` are those of the distribution's scale; its covariance
+is DEGREES / (DEGREES - 2) times as large."""
 PERSISTENCE_DIVE = 0.004
-"""[m/s] of a single dive in that case: small, so that the last dive counts"""
+"""[m/s] `dive` for persistence: small, so that the last dive's current is kept"""
 
 
 class Unknown(NamedTuple):
-    """A logarithm that tuning finds: its likely value and how far it may be from it."""
+    """Parameter that tuning estimates by its logarithm, with a log-normal prior."""
 
     name: str
     likely: float
     spread: float
-    """[1] standard deviation of the natural logarithm"""
+    """[1] Standard deviation of the natural logarithm"""
     of_scale: bool = False
-    """Whether the value counts in the deployment's own scale of currents."""
+    """Whether the value is relative to the deployment's scale of currents."""
 
 
 SCALE = "scale"
-UNKNOWNS: tuple[Unknown, ...] = (  # few legs tell the first, several short records the first two
+UNKNOWNS: tuple[Unknown, ...] = (  # a few legs determine the first, short records the first two
     Unknown(SCALE, 0.15, 1.0),
     Unknown("dive", 0.08, 0.4, of_scale=True),
     Unknown("wander", 0.25, 0.6, of_scale=True),
@@ -181,18 +181,18 @@ UNKNOWNS: tuple[Unknown, ...] = (  # few legs tell the first, several short reco
     Unknown("inertial", 0.15, 0.6, of_scale=True),
     Unknown("inertial_time", 3.0, 0.4),
 )
-"""Unknowns of tuning; priors are wide in the scale of the currents (0.02 m/s on a slope to
-1 m/s in a sound) and narrow in the rest: a training part holds a few dozen dives. The proportions
+"""Parameters that tuning estimates. The prior of the currents' scale is wide (0.02 m/s on a slope
+to 1 m/s in a sound); the others are narrow, since a training set has a few dozen dives. Proportions
 are those of shelf currents, where tide and weather share the variance (Kundu 1976, J. Phys.
 Oceanogr. 6; Pollard and Millard 1970, Deep-Sea Res. 17, for 1 to 10 days of inertial decay)."""
 
 
 FIELD, FIELD_SPREAD, MOST_FIELD = 1.0, 0.5, 2.0
-"""[1] part that counts of a forecast field: likely, its deviation, and the most"""
+"""[1] Weight of a forecast field: prior mean, prior standard deviation, and upper limit"""
 
 
 def parameters_of(logarithms: Array, constituents: Sequence[str]) -> CurrentParameters:
-    """Parameters by their logarithms, in the order of `UNKNOWNS`."""
+    """Compute parameters from their logarithms, in the order of `UNKNOWNS`."""
     values = {u.name: math.exp(x) for u, x in zip(UNKNOWNS, logarithms, strict=True)}
     scale = values.pop(SCALE)
     for unknown in UNKNOWNS:
@@ -202,33 +202,33 @@ def parameters_of(logarithms: Array, constituents: Sequence[str]) -> CurrentPara
 
 
 def likely_logarithms() -> Array:
-    """The prior's centre."""
+    """Logarithms at the centre of the prior."""
     return np.log([unknown.likely for unknown in UNKNOWNS])
 
 
 def prior_cost(logarithms: Array) -> float:
-    """Negative logarithm of the prior, but for a constant."""
+    """Negative logarithm of the prior, without its constant."""
     spread = np.array([unknown.spread for unknown in UNKNOWNS])
     return 0.5 * float(np.sum(((logarithms - likely_logarithms()) / spread) ** 2))
 
 
 POSITION, CALIBRATION, DIVE = slice(0, 2), slice(2, 4), slice(4, 6)
-"""North, east [m]; relative error of the speed [1] and offset of the compass [rad]; what the dive
-under way adds, north and east [m/s]"""
+"""Slices of the state: position north, east [m]; relative error of the speed [1] and offset of the
+compass [rad]; error of the current dive, north and east [m/s]"""
 MODES = 6
-"""Index of the first mode's north."""
+"""Index of the first mode's north component in the state"""
 
 
 def even(matrix: Array) -> Array:
-    """A covariance without the skew part that rounding has made."""
+    """Covariance with the asymmetry from rounding removed."""
     return 0.5 * (matrix + matrix.T)
 
 
 def pair(values: ArrayLike, what: str) -> Array:
-    """North and east, (2,).
+    """Convert to north and east, (2,).
 
     Raises:
-      InputError: they are not two finite numbers.
+      InputError: `values` are not two finite numbers.
     """
     found = np.asarray(values, float)
     if found.shape != (2,) or not np.isfinite(found).all():
@@ -237,10 +237,10 @@ def pair(values: ArrayLike, what: str) -> Array:
 
 
 def square(values: ArrayLike, what: str) -> Array:
-    """A matrix of north and east, (2, 2).
+    """Convert to a matrix of north and east, (2, 2).
 
     Raises:
-      InputError: it is of another shape or not finite.
+      InputError: `values` are of another shape or not finite.
     """
     found = np.asarray(values, float)
     if found.shape != (2, 2) or not np.isfinite(found).all():

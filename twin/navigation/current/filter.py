@@ -1,20 +1,20 @@
-"""Current filter: a Kalman filter of a glider's position and of the current that carries it.
+"""Current filter: Kalman filter of a glider's position and of the current that carries it.
 
-State: position north and east [m]; relative error of the speed and offset of the compass; what the
-dive under way adds and does not pass on; and the modes of the current (`modes`): mean, eddies,
-inertial oscillation, tide. Position follows
+The state holds position north and east [m]; relative error of the speed and offset of the compass;
+the error of the current dive, independent of other dives; and the modes of the current (`modes`):
+mean, eddies, inertial oscillation, tide. The position follows
 
     dp/dt = (1 + scale) R(offset) v + dive + sum of modes,
 
-v the velocity through the water, R a small turn. The equations are linear and stepped exactly
-(Kalman 1960, J. Basic Eng. 82; depth-averaged currents from fixes: Eriksen et al. 2001, IEEE J.
-Oceanic Eng. 26(4); tide and other parts of a glider's current from its own dives: Chang, Zhang and
-Edwards 2015, J. Atmos. Oceanic Technol. 32(3)).
+with the velocity through the water v and a small rotation R. The equations are linear and stepped
+exactly (Kalman 1960, J. Basic Eng. 82; depth-averaged currents from fixes: Eriksen et al. 2001,
+IEEE J. Oceanic Eng. 26(4); tide and other parts of a glider's current from its own dives: Chang,
+Zhang and Edwards 2015, J. Atmos. Oceanic Technol. 32(3)).
 
-A surprise beyond `OUTLIER` is taken for an eddy of its size instead of being spread over all modes.
-How strong the currents of this deployment are beside the parameters' is learned from the fixes: all
-variances have a common factor of unknown size with a conjugate prior, so that what is forecast has
-Student's t distribution, whose degrees grow with the fixes (West and Harrison 1997, Bayesian
+An innovation beyond `OUTLIER` raises the eddy's variance instead of being spread over all modes.
+The size of this deployment's currents relative to the parameters is estimated from the fixes. All
+variances have a common unknown factor with a conjugate prior. Forecasts then have a Student's t
+distribution, whose degrees of freedom grow with the fixes (West and Harrison 1997, Bayesian
 Forecasting and Dynamic Models, section 4.5, with the forgetting of section 10.8).
 """
 
@@ -56,17 +56,17 @@ from twin.navigation.current.modes import (
 from twin.numbers import Array
 
 FIX_DEVIATION = 5.0
-"""[m] north and east each, of a GPS fix"""
+"""[m] Standard deviation of a GPS fix, north and east each"""
 OUTLIER = 9.0
-"""[1] squared distance, of two degrees of freedom (mean 2; 1.1 % are beyond), of a surprise"""
+"""[1] Squared distance of an innovation (mean 2) above which it is an outlier: 1.1 % are above"""
 KEPT = 0.9
-"""[1] part of the degrees beyond the prior's that stays until the next fix: 25 at most"""
+"""[1] Fraction of the degrees of freedom above the prior's that a fix keeps (25 degrees at most)"""
 LEAST_LEG = 600.0
-"""[s] between two fixes that count for both: shorter, the fixes' noise decides"""
+"""[s] Shortest time between fixes that updates `inflation`: below, the fixes' noise dominates"""
 
 
 class CurrentFilter:
-    """Position and current of one vehicle, from measurements in order of time.
+    """Filter of one vehicle's position and current, updated by measurements in order of time.
 
     found = CurrentFilter(parameters, latitude=31.5)
     found.fix((0.0, 0.0))
@@ -77,14 +77,14 @@ class CurrentFilter:
     All methods raise InputError for numbers that are not finite or of another shape.
 
     Args:
-      parameters: of the current; `tune` finds them.
+      parameters: of the current, such as those of `tune`.
       latitude: [degree] of the deployment.
-      time: [s] on any clock, at which it begins.
-      memory: [s] over which errors of the velocity through the water are alike: longer than a
-        step, they add up along and not in squares.
-      record: whether to keep what `smooth` needs, some 20 kB a step.
-      outlier: [1] squared distance of a fix beyond which an eddy has come up since the fix before;
-        infinity where dives are smoothed: the eddy would come up at their end.
+      time: [s] start, on any clock.
+      memory: [s] correlation time of the velocity's errors. If it exceeds a step, the errors
+        of successive steps add up linearly instead of as squares.
+      record: whether to keep the steps for `smooth`, some 20 kB each.
+      outlier: [1] squared distance above which a fix shows a new eddy since the fix before. Use
+        infinity for smoothing: the eddy would appear only at the dive's end.
     """
 
     def __init__(
@@ -104,9 +104,9 @@ class CurrentFilter:
         self.modes: Modes = modes_of(self.parameters, latitude)
         self.outlier, self.time = float(outlier), float(time)
         self.degrees = DEGREES
-        """[1] of freedom of Student's t, as which forecasts and fixes are distributed"""
+        """[1] Degrees of freedom of the Student's t distribution of forecasts and fixes"""
         self.inflation = DEGREES / (DEGREES - 2.0)
-        """[1] variances of forecasts by those that the parameters alone say"""
+        """[1] Factor from the variances by the parameters alone to those of forecasts"""
         self.size = MODES + 2 * len(self.modes)
         self._mean = np.zeros(self.size)
         own = self.parameters
@@ -126,15 +126,15 @@ class CurrentFilter:
         *,
         field: ArrayLike | None = None,
     ) -> None:
-        """Pass a time.
+        """Propagate the state over a time step.
 
         Args:
           dt: [s]
-          velocity: north, east through the water [m/s], mean over dt; None: the motion is not
-            known, as at the surface, so that only the next fix tells where the vehicle is.
-          covariance: [m2/s2], (2, 2), of its error; None: none but the scale and the compass.
-          field: north, east [m/s] of a current that a forecast field foretells, mean over dt: the
-            filter's current is then what the field lacks.
+          velocity: north, east through the water [m/s], mean over dt; None if the motion is
+            unknown, as at the surface, so that only the next fix gives the position.
+          covariance: [m2/s2], (2, 2), of its error; None for scale and compass errors alone.
+          field: north, east [m/s] current of a forecast field, mean over dt; the filter's
+            current is then the difference between the true current and the field.
         """
         if not (math.isfinite(dt) and dt >= 0.0):
             raise InputError(f"a step of {dt:g} s; it must be zero or positive")
@@ -158,21 +158,21 @@ class CurrentFilter:
             self._note(carry)
 
     def displace(self, metres: ArrayLike) -> None:
-        """Move the position by what is now known of the way before, north and east [m], (2,)."""
+        """Shift the position by a later correction of the track so far, north, east [m], (2,)."""
         self._mean = self._mean.copy()
         self._mean[POSITION] += pair(metres, "displacement")
         self._note(np.eye(self.size))
 
     def fix(self, position: ArrayLike, sigma: float = FIX_DEVIATION) -> Innovation | None:
-        """A position from GPS.
+        """Update with a GPS position.
 
         Args:
           position: north, east [m], (2,).
           sigma: [m] standard deviation, north and east each.
 
         Returns:
-          The innovation; None where the filter had not known the vehicle's way since the last fix:
-          then the fix only says where it is.
+          The innovation; None if the motion since the last fix is unknown: the fix then only sets
+          the position.
         """
         place = pair(position, "position")
         if not (math.isfinite(sigma) and sigma > 0.0):
@@ -185,7 +185,7 @@ class CurrentFilter:
         return found
 
     def locate(self, position: ArrayLike, sigma: float = FIX_DEVIATION) -> None:
-        """Begin a dive at a position, as `fix` takes it, which says nothing of the current."""
+        """Start a dive at a position, with arguments as in `fix`; the current is not updated."""
         self._forget(POSITION, pair(position, "position"), sigma)
         self._begin_dive()
 
@@ -198,7 +198,7 @@ class CurrentFilter:
             inflation=self.inflation,
         )  # fmt: skip
         if self._since >= LEAST_LEG:
-            # the inverse of the common factor of all variances has a gamma distribution of shape
+            # the inverse of the variances' common factor has a gamma distribution of shape
             # degrees / 2 and mean 1 / centre
             centre = self.inflation * (self.degrees - 2.0) / self.degrees
             kept = DEGREES + KEPT * (self.degrees - DEGREES)
@@ -212,7 +212,7 @@ class CurrentFilter:
         return found
 
     def _blame_eddy(self, surprise: Array) -> None:
-        """Make room for a surprise [m2] at the fix: an eddy has come up during the dive."""
+        """Raise the eddy's variance by an excess [m2] at the fix: an eddy appeared in the dive."""
         name = "eddy" if "eddy" in self.modes.names else "mean"
         first = MODES + 2 * self.modes.names.index(name)
         into = np.zeros((self.size, 2))
@@ -224,30 +224,30 @@ class CurrentFilter:
     def current_report(
         self, current: ArrayLike, covariance: ArrayLike, *, dive: bool = False
     ) -> None:
-        """A current measured or forecast by others, at this time.
+        """Update with a current that was measured or forecast elsewhere, at the filter's time.
 
-        A profiler's, the vehicle's own, or that of a forecast field, whose error lasts: report it
-        about once a dive, not once a step.
+        A profiler, the vehicle itself or a forecast field may give it. Errors are correlated in
+        time: report about once a dive, not once a step.
 
         Args:
           current: north, east [m/s], (2,).
           covariance: [m2/s2], (2, 2), of its error.
-          dive: whether it contains what the dive under way adds (a profiler's does, a forecast
-            field's does not).
+          dive: whether the current includes the error of the current dive (true for a profiler's,
+            false for a forecast field's).
         """
         observed = self._of_current(dive=dive)
         value = pair(current, "current")
         self._update(observed, value - observed @ self._mean, square(covariance, "covariance"))
 
     def ground_velocity(self, velocity: ArrayLike, covariance: ArrayLike) -> None:
-        """Velocity over ground, by a Doppler log that has lock, at the end of the last step.
+        """Update with a Doppler log's velocity over ground, at the end of the last step.
 
         Args:
           velocity: north, east [m/s], (2,).
-          covariance: [m2/s2], (2, 2), of its error and of that of the velocity through the water.
+          covariance: [m2/s2], (2, 2), of its error plus that of the velocity through the water.
 
         Raises:
-          InputError: no step with a velocity came before.
+          InputError: no earlier step had a velocity.
         """
         if self._velocity is None:
             raise InputError(
@@ -267,7 +267,7 @@ class CurrentFilter:
         return observed
 
     def _update(self, observed: Array, residual: Array, spread: Array) -> None:
-        """Kalman's update in Joseph's form, which keeps the covariance positive."""
+        """Update the state in Kalman's Joseph form, which keeps the covariance positive."""
         cross = self._covariance @ observed.T
         gain = np.linalg.solve(observed @ cross + spread, cross.T).T
         left = np.eye(self.size) - gain @ observed
@@ -276,12 +276,12 @@ class CurrentFilter:
         self._amend(estimate=self._mean, covariance=self._covariance)
 
     def _begin_dive(self) -> None:
-        """The next dive adds something else."""
+        """Start the next dive, with a new error of its own."""
         self._lost, self._since = False, 0.0
         self._forget(DIVE, np.zeros(2), self.parameters.dive)
 
     def _forget(self, part: slice, values: Array, deviation: float) -> None:
-        """Put a pair of the state in place of what was known of it."""
+        """Replace a pair of the state, with its covariance, by new values."""
         carry = np.eye(self.size)
         carry[part, part] = 0.0
         self._mean = carry @ self._mean
@@ -292,23 +292,23 @@ class CurrentFilter:
 
     @property
     def position(self) -> tuple[Array, Array]:
-        """North, east [m], (2,), and its covariance [m2], (2, 2)."""
+        """Position north, east [m], (2,), and its covariance [m2], (2, 2)."""
         return self._mean[POSITION].copy(), self._covariance[POSITION, POSITION].copy()
 
     @property
     def current(self) -> tuple[Array, Array]:
-        """North, east [m/s], (2,), and its covariance [m2/s2], (2, 2), at this time."""
+        """Current north, east [m/s], (2,), and its covariance [m2/s2], (2, 2), at this time."""
         observed = self._of_current(dive=False)
         return observed @ self._mean, observed @ self._covariance @ observed.T
 
     @property
     def calibration(self) -> tuple[float, float]:
-        """Relative error of the speed [1], and offset of the compass [rad]."""
+        """Relative error of the speed [1] and offset of the compass [rad]."""
         scale, offset = self._mean[CALIBRATION]
         return float(scale), float(offset)
 
     def part(self, name: str) -> Array:
-        """North, east [m/s] of one part at this time, such as `mean`, `eddy`, `M2`; 0 without."""
+        """North, east [m/s] of one mode, such as `mean`, `eddy`, `M2`; 0 without the mode."""
         found = np.zeros(2)
         for mode, values in zip(self.modes.names, self._mean[MODES:].reshape(-1, 2), strict=True):
             if mode.split()[0] == name:
@@ -318,16 +318,16 @@ class CurrentFilter:
     def forecast(
         self, times: ArrayLike, velocity: ArrayLike | None = None, *, field: ArrayLike | None = None
     ) -> CurrentForecast:
-        """The current at later times and the displacement that it makes until then.
+        """Forecast the current at later times, and the displacement by it until then.
 
-        Covariances are those of the filter times `inflation`, which the fixes have taught.
+        The filter's covariances are multiplied by `inflation`, which the fixes determine.
 
         Args:
-          times: [s] on the filter's clock, none before its time, (time,).
-          velocity: north, east through the water [m/s] meanwhile, (2,): the displacement then holds
-            what the errors of the speed and the compass make of it, too.
-          field: north, east [m/s] that a forecast field foretells, as `step` takes it; it is part
-            of the displacement, and not of the current.
+          times: [s] on the filter's clock, not before the filter's time, (time,).
+          velocity: north, east through the water [m/s] meanwhile, (2,); the displacement then
+            includes the effect of speed and compass errors.
+          field: north, east [m/s] current of a forecast field, as in `step`; it adds to the
+            displacement, but not to the current.
         """
         moments = np.atleast_1d(np.asarray(times, float))
         ahead, count = moments - self.time, len(moments)
@@ -343,7 +343,7 @@ class CurrentFilter:
             displacement=np.empty((count, 2)),
             displacement_covariance=np.empty((count, 2, 2)),
         )
-        # a copy that starts at the origin, known exactly
+        # forecast with a copy whose position is exactly the origin
         probe, passed = copy.copy(self), 0.0
         probe._nodes = None
         probe._mean, probe._covariance = self._mean.copy(), self._covariance.copy()
@@ -361,7 +361,7 @@ class CurrentFilter:
         return found
 
     def state(self) -> dict[str, Array]:
-        """The filter's knowledge as arrays, for `restore`; the record is not in it."""
+        """Arrays that `restore` continues from, without the record of steps."""
         velocity = np.full(2, np.nan) if self._velocity is None else self._velocity
         return {
             "time": np.array(self.time),
@@ -375,7 +375,7 @@ class CurrentFilter:
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a `state` of a filter with the same parameters."""
+        """Continue from the `state` of a filter with the same parameters."""
         missing = sorted({*self.state()} - {*state})
         if missing:
             raise InputError(f"the state of a current filter lacks {', '.join(missing)}")
@@ -397,23 +397,23 @@ class CurrentFilter:
 
     @property
     def recorded(self) -> int:
-        """Nodes that `smooth` will answer for so far; 0 without `record`."""
+        """Number of nodes recorded for `smooth`; 0 without `record`."""
         return len(self._nodes or ())
 
     def smooth(self) -> SmoothedTrack:
-        """Position and current at every step, by all measurements, of a filter with `record`."""
+        """Smooth position and current at every step with all measurements; needs `record`."""
         if self._nodes is None:
             raise InputError("smoothing needs the steps: make the CurrentFilter with record=True")
         current = self._of_current(dive=False)
         return smoothed(self._nodes, position=POSITION, current=current, dive=DIVE)
 
     def _note(self, carry: Array) -> None:
-        """Record a step to the present state."""
+        """Record a step that ends at the present state."""
         if self._nodes is not None:
             now = self._mean, self._covariance
             self._nodes.append(Node(self.time, carry, *now, *now))
 
     def _amend(self, **changes: Any) -> None:
-        """Change the last recorded step by a measurement at its time."""
+        """Change the last recorded step after a measurement at its time."""
         if self._nodes is not None:
             self._nodes[-1] = self._nodes[-1]._replace(**changes)

@@ -1,16 +1,16 @@
-"""Modes: the parts of a current as rotating, decaying pairs of north and east, stepped exactly.
+"""Modes of a current: rotating, decaying pairs of north and east, stepped exactly.
 
 A mode is the linear stochastic equation dz = lambda z dt + dw of the complex current z = north +
-i east: lambda 0 is a random walk, -1/tau a first-order Gauss-Markov process, i omega - 1/tau a
-rotary component that drifts in amplitude and phase (Gelb 1974, Applied Optimal Estimation, chapter
-3; rotary components after Gonella 1972, Deep-Sea Res. 19). A line of the tide is a pair that turns
-both ways: together they make any ellipse.
+i east. With lambda = 0 it is a random walk; with -1/tau a first-order Gauss-Markov process; with
+i omega - 1/tau a rotary component whose amplitude and phase drift (Gelb 1974, Applied Optimal
+Estimation, chapter 3; rotary components after Gonella 1972, Deep-Sea Res. 19). A tidal constituent
+is a pair that rotates in both senses: their sum can be any ellipse.
 
-The transition is the change of a filter's state and covariance over a time step; the innovation is
-the difference of a fix from what the filter expected. A filter's answers stand here too: a
-forecast, and the smoothed track, which goes backwards over recorded steps (Rauch, Tung and Striebel
-1965, AIAA J. 3(8)), so that all measurements have a say in each of them. A covariance of north and
-east is an ellipse on a map.
+The transition is the change of a filter's state and covariance over a time step. The innovation is
+the difference between a fix and the filter's prediction. The module also holds a filter's results:
+a forecast, and the smoothed track, computed backwards over recorded steps so that every estimate
+uses all measurements (Rauch, Tung and Striebel 1965, AIAA J. 3(8)). `Ellipse` shows a covariance of
+north and east on a map.
 """
 
 from __future__ import annotations
@@ -39,52 +39,52 @@ Complex = NDArray[np.complex128]
 
 HOUR, DAY = 3600.0, 86400.0
 _JITTER = 1e-12
-"""[1] added to the diagonal of a correlation, so that parts that are known exactly can stay"""
+"""[1] Added to the diagonal of a correlation matrix: exactly known states would make it singular"""
 EARTH_RATE = 7.2921159e-5
-"""[rad/s]"""
+"""[rad/s] Rotation rate of the Earth"""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 LONGEST = 6.0 * HOUR
-"""[s] of a step whose noise the quadrature integrates to rounding; longer ones are parted"""
+"""[s] Longest step whose noise the quadrature integrates to rounding; longer steps are split"""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Modes:
-    """Several modes side by side, each (mode,). Variances are of north and of east each."""
+    """Modes of a current, each array (mode,); variances are of north and of east each."""
 
     rate: Complex
-    """lambda [1/s]; a positive imaginary part turns clockwise, north to east"""
+    """lambda [1/s]; with a positive imaginary part the mode turns clockwise, north to east"""
     density: Array
-    """[m2/s3] of the noise"""
+    """[m2/s3] Spectral density of the noise"""
     variance: Array
-    """[m2/s2] before any measurement"""
+    """[m2/s2] Variance before any measurement"""
     names: tuple[str, ...]
-    """`mean`, `eddy`, `inertial`, and two of each constituent"""
+    """`mean`, `eddy`, `inertial`, and two names for each constituent"""
 
     def __len__(self) -> int:
         return len(self.rate)
 
 
 class Passage(NamedTuple):
-    """Change of modes and of the displacement by them over a time, each (mode,)."""
+    """Change of modes and of the displacement by the modes over a time step, each (mode,)."""
 
     kept: Complex
-    """of a mode"""
+    """[1] Factor of a mode over the step"""
     displaced: Complex
-    """[s] displacement by a mode that was 1 at the start"""
+    """[s] Displacement by a mode that was 1 at the start"""
     noise: Array
-    """[m2/s2] gained by a mode"""
+    """[m2/s2] Variance gained by a mode"""
     shared: Complex
-    """[m2/s] covariance gained, mode with the conjugate of its displacement"""
+    """[m2/s] Covariance gained, of a mode with the conjugate of its displacement"""
     scattered: Array
-    """[m2] gained by the displacement"""
+    """[m2] Variance gained by the displacement"""
 
 
 def modes_of(parameters: CurrentParameters, latitude: float) -> Modes:
-    """The modes of a current.
+    """Build the modes of a current.
 
     Args:
       parameters: of the current.
-      latitude: [degree] for the inertial frequency 2 Omega sin(latitude).
+      latitude: [degree] gives the inertial frequency 2 Omega sin(latitude).
     """
     rows: list[tuple[str, complex, float, float]] = [
         ("mean", 0.0, parameters.wander**2 / DAY, parameters.mean**2)
@@ -110,11 +110,11 @@ def modes_of(parameters: CurrentParameters, latitude: float) -> Modes:
 
 @functools.lru_cache(256)
 def passage(modes: Modes, duration: float) -> Passage:
-    """Change of modes over a time [s] of at most `LONGEST`.
+    """Compute the change of modes over a time [s] of at most `LONGEST`.
 
-    The noise of a mode at time s before the end reaches the mode as e^(lambda s) and the
-    displacement as the integral of that; their products are integrated by Gauss and Legendre.
-    Passages are kept: equal steps repeat.
+    Noise at time s before the end reaches the mode as e^(lambda s) and the displacement as the
+    integral of e^(lambda s). Their products are integrated by Gauss-Legendre quadrature. Equal
+    steps repeat, so results are cached.
     """
     rate = modes.rate
     still = np.abs(rate) * duration < 1e-7
@@ -135,7 +135,7 @@ def passage(modes: Modes, duration: float) -> Passage:
 
 
 def turns(values: Complex) -> Array:
-    """Multiplication by complex numbers as matrices on (north, east), (..., 2, 2)."""
+    """Matrices on (north, east), (..., 2, 2), that multiply by complex numbers."""
     found = np.empty((*np.shape(values), 2, 2))
     found[..., 0, 0] = found[..., 1, 1] = values.real
     found[..., 1, 0] = values.imag
@@ -144,23 +144,23 @@ def turns(values: Complex) -> Array:
 
 
 ELSEWHERE = 1.0
-"""[m/s] at which a position is lost while the motion is not known"""
+"""[m/s] Growth of the position's standard deviation while the motion is unknown"""
 
 
 def transition(
     gone: Passage, dt: float, through: Array | None, spread: Array, memory: float
 ) -> tuple[Array, Array]:
-    """The matrix that carries a state over a time, and the covariance that is gained meanwhile.
+    """Transition matrix of a state over a time step, and the covariance gained in the step.
 
     Args:
-      gone: what the time does to the modes.
+      gone: change of the modes over the step.
       dt: [s]
-      through: north, east through the water [m/s], (2,); None: not known.
-      spread: [m2/s2], (2, 2), of its error.
-      memory: [s] over which that error lasts.
+      through: north, east through the water [m/s], (2,); None if unknown.
+      spread: [m2/s2], (2, 2), covariance of the error of `through`.
+      memory: [s] correlation time of that error.
 
     Returns:
-      Both (state, state).
+      Transition matrix and covariance, both (state, state).
     """
     count = len(gone.kept)
     size = MODES + 2 * count
@@ -177,7 +177,7 @@ def transition(
     carry[POSITION, CALIBRATION] = dt * turns(np.array(complex(*through)))
     noise[MODES:, POSITION] = turns(gone.shared).reshape(-1, 2)
     noise[POSITION, MODES:] = noise[MODES:, POSITION].T
-    # an error of first order adds up to 2 memory dt; that of a long step is its mean's
+    # a first-order error's variance grows as 2 memory dt; the error of a long step is its mean's
     alike = max(2.0 * memory, dt)
     noise[POSITION, POSITION] = gone.scattered.sum() * np.eye(2) + spread * dt * alike
     return carry, noise
@@ -185,44 +185,44 @@ def transition(
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Innovation:
-    """Difference of a fix from what the filter expected."""
+    """Difference between a fix and the filter's prediction."""
 
     residual: Array
-    """North, east [m], (2,): fix less prediction"""
+    """North, east [m], (2,): fix minus prediction"""
     covariance: Array
-    """[m2], (2, 2), of the prediction and the fix"""
+    """[m2], (2, 2), covariance of prediction and fix together"""
     distance: float
-    """[1] squared Mahalanobis distance"""
+    """[1] Squared Mahalanobis distance"""
     duration: float
-    """[s] since the fix before"""
+    """[s] Time since the previous fix"""
     inflation: float
-    """[1] by which the fixes before had taught to take the covariance"""
+    """[1] Factor of the covariance, estimated from the earlier fixes"""
 
     @property
     def normalised(self) -> float:
-        """[1] squared distance in the covariance as it was stated: 2 in the mean where it is
-        right."""
+        """[1] Squared distance relative to the stated covariance; its mean is 2 for a correct
+        covariance."""
         return self.distance / self.inflation
 
 
 class Node(NamedTuple):
-    """One step of a filter."""
+    """Recorded step of a filter."""
 
     time: float
-    """[s] at its end"""
+    """[s] Time at the end of the step"""
     carry: Array
-    """Matrix that made it of the state before, (state, state)"""
+    """Transition matrix from the state before, (state, state)"""
     predicted: Array
-    """State before the measurements of this time, (state,)"""
+    """State before the measurements at this time, (state,)"""
     predicted_covariance: Array
     estimate: Array
-    """State after them"""
+    """State after the measurements, (state,)"""
     covariance: Array
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CurrentForecast:
-    """The current at later times and the displacement by it, with their covariances."""
+    """Forecast of the current and of the displacement by it, with their covariances."""
 
     times: Array
     """[s] on the filter's clock, (time,)"""
@@ -231,7 +231,7 @@ class CurrentForecast:
     current_covariance: Array
     """[m2/s2], (time, 2, 2)"""
     displacement: Array
-    """North, east [m] beyond the way through the water since the filter's time, (time, 2)"""
+    """North, east [m] minus the track through the water since the filter's time, (time, 2)"""
     displacement_covariance: Array
     """[m2], (time, 2, 2)"""
 
@@ -251,18 +251,18 @@ class SmoothedTrack:
     current_covariance: Array
     """[m2/s2], (node, 2, 2)"""
     dive: Array
-    """North, east [m/s] that the dive under way adds, (node, 2)"""
+    """North, east [m/s] error of the current dive, (node, 2)"""
 
 
 def smoothed(
     nodes: Sequence[Node], *, position: slice, current: Array, dive: slice
 ) -> SmoothedTrack:
-    """The smoothed track of a filter's steps.
+    """Smooth the recorded steps of a filter.
 
     Args:
       nodes: in order of time.
-      position, dive: where they are in the state.
-      current: what makes the current of a state, (2, state).
+      position, dive: their slices of the state.
+      current: matrix that gives the current from a state, (2, state).
     """
     count, size = len(nodes), len(nodes[-1].estimate)
     mean, spread = nodes[-1].estimate, nodes[-1].covariance
@@ -290,30 +290,30 @@ def smoothed(
 
 
 def chi_squared(part: float) -> float:
-    """Squared Mahalanobis distance within which a part of the normal points of a plane lies.
+    """Squared Mahalanobis distance that holds a fraction of normally distributed points of a plane.
 
     The quantile of chi-squared with two degrees of freedom, -2 ln(1 - part).
 
     Args:
-      part: [1] from 0 to below 1.
+      part: [1] fraction, from 0 to below 1.
     """
     return -2.0 * math.log1p(-part)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Ellipse:
-    """An ellipse on a map; semi-axes go from the middle to the edge."""
+    """Ellipse on a map."""
 
     semi_major_m: float
-    """[m] half of the longer axis"""
+    """[m] Half of the longer axis"""
     semi_minor_m: float
-    """[m] half of the shorter axis"""
+    """[m] Half of the shorter axis"""
     bearing_deg: float
-    """[degree] of the longer axis, clockwise from north, 0 to 180"""
+    """[degree] Bearing of the longer axis, clockwise from north, 0 to 180"""
 
     @classmethod
     def of(cls, squares: Array) -> Ellipse:
-        """The ellipse x^T squares^-1 x = 1 of north and east; `squares` [m2], (2, 2)."""
+        """Build the ellipse x^T squares^-1 x = 1 of north and east; `squares` [m2], (2, 2)."""
         (minor, major), axes = _axes(squares)
         return cls(
             semi_major_m=float(major),
@@ -323,9 +323,9 @@ class Ellipse:
 
 
 def outline(squares: Array, points: int) -> Array:
-    """North, east [m] around `Ellipse.of(squares)`, (points, 2), closed.
+    """North, east [m] of points around `Ellipse.of(squares)`, (points, 2), closed.
 
-    Counterclockwise seen from above, from north over west, as GeoJSON has it.
+    Counterclockwise seen from above, from north over west, as in GeoJSON.
     """
     angles = np.linspace(0.0, 2.0 * math.pi, points)
     lengths, axes = _axes(squares)
@@ -335,6 +335,6 @@ def outline(squares: Array, points: int) -> Array:
 
 
 def _axes(squares: Array) -> tuple[Array, Array]:
-    """Lengths, the shorter first, (2,), and directions, (2, 2), in columns."""
+    """Semi-axes, the shorter first, (2,), and their directions as columns, (2, 2)."""
     values, vectors = np.linalg.eigh(squares)
     return np.sqrt(np.maximum(values, 0.0)), vectors

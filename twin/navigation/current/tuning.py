@@ -1,17 +1,16 @@
-"""Tuning: legs between fixes, a current's likeliest parameters, and the filter's consistency.
+"""Tuning: dives between fixes, maximum-likelihood parameters of a current, filter consistency.
 
-The likelihood of a filter's innovations (Schweppe 1965, IEEE Trans. Inf. Theory 11), with Student's
-t in place of the normal distribution, so that a front crossed once does not set the scale, times
-the prior of `parameters`. A forecast field counts as far as it makes the fixes more likely, and not
-at all where they are more likely without it. Persistence is a special case with one parameter; it
-is taken where it is the more likely of the two: the prior of the rest is what the larger model pays
-for its freedom.
+The likelihood is that of a filter's innovations (Schweppe 1965, IEEE Trans. Inf. Theory 11), times
+the prior of the parameters. Student's t replaces the normal distribution, so that a single front
+does not set the scale. A forecast field gets a weight if the fixes are more likely with it, and
+none otherwise. Persistence is a special case with one parameter; it is chosen if it is more likely.
+The prior of the other parameters is the price that the larger model pays for its freedom.
 
-A filter is consistent when its squared innovations, normalised by their stated covariances, are 2
-in the mean, and its ellipses hold what they shall (Bar-Shalom, Li and Kirubarajan 2001, Estimation
-with Applications to Tracking and Navigation, section 5.4), on records that tuned nothing of it. No
-law of the errors is assumed for the ellipses: currents of many missions are calmer in the middle
-and wilder at the ends than a normal law or Student's t of the same variance.
+A filter is consistent on records outside its tuning if two things hold (Bar-Shalom, Li and
+Kirubarajan 2001, Estimation with Applications to Tracking and Navigation, section 5.4). The mean of
+its squared innovations, normalised by the stated covariances, is 2; and its ellipses hold their
+stated fractions of fixes. The ellipses assume no distribution: currents of many missions have a
+narrower centre and wider tails than a normal or Student's t distribution of the same variance.
 """
 
 from __future__ import annotations
@@ -41,52 +40,52 @@ from twin.navigation.current.modes import Innovation
 from twin.numbers import Array
 
 MOST_STEPS = 30
-"""of the search; the likelihood is flat beyond what a few dozen dives can tell"""
+"""Most iterations of the search; a few dozen dives make the likelihood flat beyond this"""
 FEWEST = 8
-"""Legs of one record below which only the scale of the currents is sought, and what single dives
-add where records have so many together; the rest is the prior's"""
+"""Fewest legs of one record for fitting all parameters. With as many legs in all records together,
+the scale and `dive` are fitted; with fewer, only the scale. Other parameters keep the prior."""
 WANDER, WANDER_SPREAD = 0.14, 1.0
-"""[m/s] in a day: prior of persistence, 0.05 m/s in three hours, and spread of its logarithm"""
+"""[m/s] Prior of persistence's `wander` in a day, [1] standard deviation of its logarithm"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Leg:
-    """One dive between two fixes."""
+    """Leg of one dive between two fixes."""
 
     start: float
-    """[s] of the fix before, on the clock of the deployment"""
+    """[s] Time of the fix before the dive, on the clock of the deployment"""
     duration: float
-    """[s] to the fix after"""
+    """[s] Time from the fix before to the fix after the dive"""
     over_ground: tuple[float, float]
-    """North, east [m] from fix to fix"""
+    """North, east [m] displacement from fix to fix"""
     through_water: tuple[float, float] | None
-    """North, east [m]; None where it is not known"""
+    """North, east [m] displacement through the water; None if unknown"""
     field: tuple[float, float] | None = None
-    """North, east [m/s], mean over the leg, that a forecast field foretells; None without"""
+    """North, east [m/s] current of a forecast field, mean over the leg; None without a field"""
 
     @property
     def end(self) -> float:
-        """[s] of the fix after"""
+        """[s] Time of the fix after the dive."""
         return self.start + self.duration
 
     @property
     def velocity(self) -> Array | None:
-        """North, east through the water [m/s], mean over the leg, (2,); None without."""
+        """North, east through the water [m/s], mean over the leg, (2,); None if unknown."""
         return None if self.through_water is None else np.array(self.through_water) / self.duration
 
     @property
     def current(self) -> Array:
-        """North, east [m/s], mean over the leg, (2,); NaN where it is not known."""
+        """Current north, east [m/s], mean over the leg, (2,); NaN if unknown."""
         through = (math.nan, math.nan) if self.through_water is None else self.through_water
         return (np.array(self.over_ground) - np.array(through)) / self.duration
 
     def foretold(self, parameters: CurrentParameters) -> Array:
-        """North, east [m/s] of the field as far as it is believed, (2,); 0 without."""
+        """North, east [m/s] of the field times its weight, (2,); 0 without a field."""
         return parameters.field * np.array((0.0, 0.0) if self.field is None else self.field)
 
 
 def begin_leg(filter_: CurrentFilter, leg: Leg) -> None:
-    """Bring a filter to the fix before a leg; positions count from there."""
+    """Bring a filter to the fix before a leg; that fix is the origin of positions."""
     if leg.start > filter_.time:
         filter_.step(leg.start - filter_.time, None)
     filter_.locate((0.0, 0.0))
@@ -95,7 +94,7 @@ def begin_leg(filter_: CurrentFilter, leg: Leg) -> None:
 def pass_leg(
     filter_: CurrentFilter, leg: Leg, covariance: Array | None = None
 ) -> Innovation | None:
-    """Let a filter make a leg, which it has begun, and take the fix after it.
+    """Step a filter over a leg after `begin_leg`, and update it with the fix after the leg.
 
     covariance: [m2/s2], (2, 2), of the velocity through the water, mean over the leg.
     """
@@ -117,15 +116,15 @@ def replay(
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Tuned:
-    """Parameters that a training part makes likeliest."""
+    """Maximum-likelihood parameters of a training set."""
 
     parameters: CurrentParameters
     cost: float
-    """Negative logarithm of likelihood and prior of the chosen parameters, without constants"""
+    """Negative log of likelihood times prior, for the chosen parameters, without constants"""
     persistence_cost: float
-    """Negative logarithm for persistence"""
+    """Negative log of likelihood times prior for persistence, without constants"""
     legs: int
-    """Legs that had a say"""
+    """Number of legs with a known displacement through the water"""
 
 
 def tune(
@@ -137,17 +136,17 @@ def tune(
     compass: float = CurrentParameters.compass,
     may_persist: bool = True,
 ) -> Tuned:
-    """The most likely parameters; the prior's centre where no leg tells anything.
+    """Fit the most likely parameters; the prior's centre without any informative leg.
 
-    Constituents of the tide are those that the longest record can tell apart.
+    The tidal constituents are those that the longest record can separate.
 
     Args:
-      legs: of the training part, in order of time.
+      legs: of the training set, in order of time.
       latitude: [degree]
       others: legs of other records in the same waters, each in order of time.
-      speed_scale: [1] of the relative error of the speed through the water.
-      compass: [degree] of the compass' offset.
-      may_persist: whether persistence may be chosen: it says nothing of what happens in a dive.
+      speed_scale: [1] standard deviation of the relative error of the speed through the water.
+      compass: [degree] standard deviation of the compass' offset.
+      may_persist: whether persistence may be chosen; it describes no current within a dive.
 
     Raises:
       InputError: legs that are not in order of time.
@@ -167,7 +166,7 @@ def tune(
     start = likely_logarithms()
 
     def filled(sought: Array) -> Array:
-        """All logarithms, the first of them sought."""
+        """Logarithms of all parameters: the fitted ones, then the prior's."""
         return np.concatenate([sought, start[len(sought) :]])
 
     def parameters_at(sought: Array, field: float) -> CurrentParameters:
@@ -179,7 +178,7 @@ def tune(
         return surprise(found, records, latitude) + prior_cost(filled(sought))
 
     def cost_beside_field(sought: Array) -> float:
-        """The part that counts of the field, and the logarithms."""
+        """Cost of the field's weight, first, and the logarithms."""
         away = (float(sought[0]) - FIELD) / FIELD_SPREAD
         return cost(sought[1:], float(sought[0])) + 0.5 * away**2
 
@@ -215,7 +214,7 @@ def tune(
 
 
 def constituents_of(legs: Sequence[Leg]) -> tuple[str, ...]:
-    """Names of the constituents that legs can tell apart."""
+    """Names of the tidal constituents that legs can separate."""
     if not legs:
         return chosen_constituents(0.0, 0.0)
     hours = (legs[-1].end - legs[0].start) / 3600.0
@@ -227,9 +226,9 @@ def constituents_of(legs: Sequence[Leg]) -> tuple[str, ...]:
 def surprise(
     parameters: CurrentParameters, records: Sequence[Sequence[Leg]], latitude: float
 ) -> float:
-    """Negative log-likelihood of the fixes of the legs of some records, without constants.
+    """Compute the negative log-likelihood of the fixes of some records, without constants.
 
-    Innovations are currents, displacements by their durations, with Student's t of two dimensions.
+    Innovations are divided by durations to give currents; their distribution is a bivariate t.
     """
     total = 0.0
     for legs in records:
@@ -243,30 +242,30 @@ def surprise(
 
 
 PARTS = (0.5, 0.9)
-"""[1] of the fixes that the two ellipses shall hold"""
+"""[1] Fractions of the fixes that the two ellipses must hold"""
 FOLLOWING = 0.3
-"""[1] gain by which the logarithm of an ellipse's squared reach follows whether it held"""
+"""[1] Gain on the log of an ellipse's squared distance after each fix, held or missed"""
 NORMAL_REACH = (1.386, 4.605)
-"""[1] of normal errors, -2 ln(1 - part): where no other record tells"""
+"""[1] Squared distances for normal errors, -2 ln(1 - part), used without other records"""
 
 
 class Reaches:
-    """Squared distances of two ellipses, which follow how many fixes they held (adaptive conformal
-    inference, Gibbs and Candes 2021, NeurIPS 34)."""
+    """Squared distances of two ellipses, adapted so that each holds its part of the fixes (adaptive
+    conformal inference, Gibbs and Candes 2021, NeurIPS 34)."""
 
     def __init__(self, first: tuple[float, float] = NORMAL_REACH):
         self._logarithms = [math.log(value) for value in first]
 
     @classmethod
     def of(cls, distances: Iterable[float]) -> Self:
-        """Begin where the ellipses would have held their parts of earlier fixes.
+        """Start with ellipses that would have held their fractions of earlier fixes.
 
-        The k-th smallest of n squared distances, k the whole number from (n + 1) part on: a further
-        one of the same law is within it with that probability (split conformal prediction: Vovk,
-        Gammerman and Shafer 2005, Algorithmic Learning in a Random World, section 4.2).
+        The start is the k-th smallest of n squared distances, with k = (n + 1) part rounded up. A
+        new distance is below it with that probability (split conformal prediction: Vovk, Gammerman
+        and Shafer 2005, Algorithmic Learning in a Random World, section 4.2).
 
         Args:
-          distances: [1] squared, of other records; too few for a part leave the normal law's.
+          distances: [1] squared, of other records; if too few, the normal distribution's is used.
         """
         known = sorted(distances)
         first = []
@@ -277,39 +276,39 @@ class Reaches:
 
     @property
     def now(self) -> tuple[float, float]:
-        """Reaches of 50 and 90 %, the second at least the first."""
+        """Squared distances of the 50 and 90 % ellipses; the second is at least the first."""
         half, ninety = (math.exp(value) for value in self._logarithms)
         return half, max(half, ninety)
 
     def held(self, distance: float) -> tuple[bool, bool]:
-        """Whether the ellipses of 50 and 90 % hold a fix at this squared distance [1]."""
+        """Whether the 50 and 90 % ellipses hold a fix at this squared distance [1]."""
         half, ninety = self.now
         return distance <= half, distance <= ninety
 
     def learn(self, distance: float) -> None:
-        """Take the squared distance [1] of a fix."""
+        """Adapt both ellipses to the squared distance [1] of a fix."""
         for k, (part, held) in enumerate(zip(PARTS, self.held(distance), strict=True)):
             self._logarithms[k] += FOLLOWING * (part - float(held))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Consistency:
-    """Figures of the fixes after dives; None where there is no such fix."""
+    """Consistency statistics of the fixes after dives; None without any such fix."""
 
     fixes: int
     nis: float | None
-    """[1] mean squared normalised innovation; 2 is right"""
+    """[1] Mean normalised squared innovation; 2 for a consistent filter"""
     in_50: float | None
-    """[1] part of the fixes within the ellipse of 50 %"""
+    """[1] Fraction of the fixes within the 50 % ellipse"""
     in_90: float | None
     first_dive_m: float | None
-    """[m] mean miss at the fix after the first dive of a record, before it was taken"""
+    """[m] Mean error of the prediction at the fix after a record's first dive"""
     first_dive_no_current_m: float | None
-    """[m] the same of the way through the water alone"""
+    """[m] Mean error at that fix of the track through the water alone"""
     later_m: float | None
-    """[m] mean miss at the fixes after later dives"""
+    """[m] Mean error of the prediction at the fixes after later dives"""
     later_persistence_m: float | None
-    """[m] the same with the mean current of the dive before"""
+    """[m] Mean error at those fixes with the mean current of the dive before"""
 
 
 def consistency_of(
@@ -322,16 +321,16 @@ def consistency_of(
     noise: float = 0.0,
     memory: float = 60.0,
 ) -> Consistency:
-    """Judge records of legs, each in order of time; legs without a known way are left out.
+    """Test a filter on records of legs, each in order of time; legs of unknown motion are left out.
 
     Args:
-      records: of missions or deployments in waters of one kind, each with its own current.
+      records: of missions or deployments in similar waters, each with its own current.
       latitude: [degree]
-      others: records that tell what the sea and its ellipses are like; by default half of
-        `records` tells it for the other half.
+      others: records for tuning parameters and ellipses; by default each half of `records` is
+        tested with the other half.
       speed_scale, compass: [1], [degree] as `tune` takes them.
-      noise: [m/s], north and east each, of the velocity through the water.
-      memory: [s] for which that lasts.
+      noise: [m/s] standard deviation, north and east each, of the velocity through the water.
+      memory: [s] correlation time of that noise.
 
     Raises:
       InputError: legs that are not in order of time.

@@ -1,7 +1,7 @@
-"""Velocity estimators by name: how fast a vehicle moves through the water.
+"""Velocity estimators by name: a vehicle's velocity through the water.
 
-Baselines are the methods that navigators use today, with the nominal vehicle only. Kinds of one's
-own join by name. An estimator is imported when it is used.
+Baselines are the methods that navigators use today, with the nominal vehicle only. Users add their
+own estimators by name. An estimator is imported when it is used.
 """
 
 from typing import TYPE_CHECKING

@@ -1,8 +1,8 @@
-"""Velocity estimators: the base class, its registry, and methods that look back on minutes.
+"""Velocity estimators: base class, registry, and estimators that use the last minutes.
 
-An estimator says how fast the vehicle moves through the water. One class is one method, sample by
-sample on board (`step`) and over a whole mission (`batch`). Those that need nothing but the vehicle
-are the baselines that networks are compared with.
+An estimator gives the vehicle's velocity through the water. One class is one method, both sample by
+sample on board (`step`) and over a whole mission (`batch`). Estimators that need only the vehicle
+are the baselines of comparisons with networks.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from twin.registry import Registry
 from twin.vehicle.vehicle import Vehicle
 
 State = Mapping[str, NDArray[Any]]
-"""Arrays by name, on which the next step depends."""
+"""Arrays by name that determine the next step."""
 
 MEMORY_S = 120.0
-"""[s] that a windowed step looks back: the longest average, and an inflection, over which methods
-hold."""
+"""[s] Time span that a windowed step uses: the longest average, or an inflection, through which
+methods hold a value."""
 USUAL = ("ekf", "steady_flight", "dvl")
-"""In the order in which they are tried where none is named."""
+"""Estimators in the order of choice if the user names none."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
@@ -42,14 +42,14 @@ class BodyVelocity:
     sway: float
     """[m/s] to starboard"""
     heave: float = math.nan
-    """[m/s] downward in body axes; NaN: the depth rate says it"""
+    """[m/s] downward in body axes; NaN if the depth rate must give it"""
     covariance: NDArray[np.float64] | None = None
-    """[m2/s2] of the errors, (3, 3); None: the estimator claims nothing"""
+    """[m2/s2] covariance of the errors, (3, 3); None if the estimator gives none"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class VelocityDeviation:
-    """Standard deviations of an estimator's error, as it states them before it flies.
+    """Standard deviations of an estimator's error, stated before the mission.
 
     The defaults are for an estimator that states none: those of a glider's dead reckoning by
     attitude and depth.
@@ -59,11 +59,11 @@ class VelocityDeviation:
     """
 
     scale: float = 0.06
-    """[1] relative error of the speed that stays: a wrong vehicle or a wrong scale"""
+    """[1] Constant relative error of the speed, from a wrong vehicle or a wrong scale"""
     noise: float = 0.02
-    """[m/s] north and east each, of what comes and goes"""
+    """[m/s] Varying error of the velocity, north and east each"""
     memory: float = 60.0
-    """[s] for which that lasts"""
+    """[s] Correlation time of the varying error"""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -77,91 +77,91 @@ class VelocityDeviation:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """Velocities of one mission; what a method cannot know is None."""
+    """Estimated velocities of one mission; quantities that a method cannot give are None."""
 
     surge: Array | None = None
     """[m/s] through the water, forward, (time,)"""
     sway: Array | None = None
     """[m/s] through the water, starboard, (time,)"""
     surge_sd: Array | None = None
-    """[m/s] standard deviation that the method claims for `surge`, (time,)"""
+    """[m/s] Standard deviation of `surge`, as the method states it, (time,)"""
     sway_sd: Array | None = None
-    """[m/s] as `surge_sd`"""
+    """[m/s] Standard deviation of `sway`, as the method states it, (time,)"""
     ground_track: Array | None = None
-    """[m] north, east over ground since the first sample, (time, 2), of a method that makes its
+    """[m] north, east over ground since the first sample, (time, 2), for a method that computes its
     own track."""
     uses_fixes: bool = False
-    """`ground_track` is reset at GPS fixes and carries the depth-averaged current."""
+    """True if `ground_track` is reset at GPS fixes and includes the depth-averaged current."""
     saw_bottom: bool = False
-    """`ground_track` may follow the sea floor: without fixes, too, it is no track through the
-    water."""
+    """True if `ground_track` may use bottom lock: it is then no track through the water, even
+    without fixes."""
 
 
 class VelocityEstimator(abc.ABC):
-    """Velocity through the water from what is measured and commanded; it never sees the truth.
+    """Estimator of the velocity through the water, from measured and commanded signals only.
 
-    A method gives `kind`, `summary`, `channels` and `step`. It knows the vehicle as its file says,
-    never as a mission drew it.
+    A method defines `kind`, `summary`, `channels` and `step`. It knows the nominal vehicle of the
+    file, never a mission's sampled vehicle.
     """
 
     kind: ClassVar[str] = ""
-    """Its name for `twin simulate --navigate KIND` or `KIND:ARGUMENT`."""
+    """Name for `twin simulate --navigate KIND` or `KIND:ARGUMENT`."""
     summary: ClassVar[str] = ""
-    """A description for tables of methods."""
+    """Description for tables of methods."""
     title: ClassVar[str] = ""
-    """Its name in tables and legends; empty: its kind."""
+    """Name in tables and legends; empty uses `kind`."""
     colour: ClassVar[str] = ""
-    """A name of `twin.show.style.PALETTE`; grey without one."""
+    """Colour, a name of `twin.show.style.PALETTE`; grey if empty."""
     drawn: ClassVar[bool] = False
-    """Whether the figures of tracks draw it; more than a few would hide each other."""
+    """Whether figures of tracks show this method; more than a few tracks would hide each other."""
     without_water: ClassVar[str] = ""
-    """Why it can have no track through the water, a sentence for the report."""
+    """Reason why the method has no track through the water, a sentence for the report."""
     takes: ClassVar[str] = ""
-    """Its argument, such as RUN; one that needs an argument is no baseline."""
+    """Argument of the estimator, such as RUN; an estimator with an argument is no baseline."""
 
     channels: tuple[str, ...] = ()
     """Schema variables that a sample must hold: measured or commanded, never true."""
     period: float
     """[s] between samples"""
     _memory: Any = None
-    """Object with `reset`, `state` and `restore` on which the next step depends"""
+    """Object with `reset`, `state` and `restore` that holds the state of `step`"""
 
     def __init__(self, vehicle: Vehicle, period: float):
-        """Begin before the first sample.
+        """Start before the first sample.
 
         Args:
-          vehicle: as its file says.
-          period: [s] between the samples that there are. One that needs a multiple of it says so
-            by its own `period`.
+          vehicle: as in its file.
+          period: [s] between the given samples. An estimator that needs a multiple of it sets its
+            own `period`.
         """
         self.vehicle, self.period = vehicle, period
         self.channels = self.needs(vehicle)
 
     @classmethod
     def unsuited(cls, vehicle: Vehicle) -> str:
-        """Why it cannot estimate the velocities of such a vehicle; empty: it can."""
+        """Reason why the estimator does not suit a vehicle; empty if it does."""
         return ""
 
     @classmethod
     def needs(cls, vehicle: Vehicle) -> tuple[str, ...]:
-        """`channels`, and what else it reads on such a vehicle."""
+        """Signals that the estimator reads on a vehicle: `channels` and others."""
         return cls.channels
 
     @property
     def deviation(self) -> VelocityDeviation:
-        """The error that it states; a current filter begins with it."""
+        """Stated error of the estimator, with which a current filter starts."""
         return VelocityDeviation()
 
     @classmethod
     def open(cls, argument: str, vehicle: Vehicle, period: float) -> Self:
-        """Make one for a vehicle.
+        """Create the estimator for a vehicle.
 
         Args:
-          argument: the text behind the colon, empty without.
-          vehicle, period: as of `__init__`.
+          argument: the text after the colon, or empty.
+          vehicle, period: as in `__init__`.
 
         Raises:
-          InputError: an argument that it does not take, or a vehicle that it does not suit.
+          InputError: an argument that the estimator does not take, or an unsuitable vehicle.
         """
         if argument:
             raise InputError(f"estimator {cls.kind!r} takes no argument, not {argument!r}")
@@ -170,13 +170,13 @@ class VelocityEstimator(abc.ABC):
         return cls(vehicle, period)
 
     def reset(self) -> None:
-        """Begin before the first sample."""
+        """Return to the state before the first sample."""
         if self._memory is not None:
             self._memory.reset()
 
     @abc.abstractmethod
     def step(self, sample: Mapping[str, float]) -> BodyVelocity:
-        """Velocity at a sample, from it and those before it.
+        """Velocity at a sample, from this sample and the earlier ones.
 
         Args:
           sample: a value for each of `channels`, in the schema's units.
@@ -186,7 +186,7 @@ class VelocityEstimator(abc.ABC):
         """
 
     def batch(self, signals: Signals) -> Estimate:
-        """Velocities of a whole mission; `step` after `step` where a method has no other way.
+        """Velocities of a whole mission; by default, repeated calls of `step`.
 
         Raises:
           StoreError: a channel is missing or not finite.
@@ -199,17 +199,17 @@ class VelocityEstimator(abc.ABC):
         )
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Arrays on which the next step depends."""
+        """Arrays by name that determine the next step."""
         return {} if self._memory is None else dict(self._memory.state())
 
     def restore(self, state: State) -> None:
-        """Go on from where `state` was called, here or in another process."""
+        """Continue from the state that `state` returned, here or in another process."""
         if self._memory is not None:
             self._memory.restore(state)
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """The first thing that is wrong with a kind."""
+        """First fault of an estimator class; empty if it has none."""
         from twin.show.style import PALETTE
 
         if not cls.takes and not (isinstance(cls.channels, tuple) and cls.channels):
@@ -225,40 +225,40 @@ class VelocityEstimator(abc.ABC):
 
 
 class Recent:
-    """The last samples of some channels, (samples,) each, in the form that `batch` reads."""
+    """Last samples of some channels, (samples,) each, in the form that `batch` reads."""
 
     def __init__(self, channels: tuple[str, ...], samples: int):
         self.channels, self.samples = channels, samples
         self.reset()
 
     def reset(self) -> None:
-        """Forget all."""
+        """Delete all samples."""
         self._rows = np.zeros((len(self.channels), 0))
 
     @property
     def count(self) -> int:
-        """Samples so far."""
+        """Number of samples held."""
         return self._rows.shape[1]
 
     def add(self, sample: Mapping[str, float]) -> None:
-        """Take a sample."""
+        """Add a sample."""
         readers = f": this estimator reads {', '.join(self.channels)}"
         given = np.array(values_of(sample, self.channels, readers))[:, None]
         self._rows = np.concatenate([self._rows[:, 1 - self.samples :], given], axis=1)
 
     def signals(self) -> dict[str, Array]:
-        """Samples of each channel so far, (count,)."""
+        """Samples of each channel, (count,)."""
         return dict(zip(self.channels, self._rows, strict=True))
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """The samples, (channels, count)."""
+        """Samples of all channels, (channels, count)."""
         return {"recent": self._rows.copy()}
 
     def restore(self, state: State) -> None:
-        """Go on from `state`.
+        """Continue from `state`.
 
         Raises:
-          InputError: it is of other channels or of another period.
+          InputError: the state has other channels or another period.
         """
         rows = state.get("recent")
         if rows is None or rows.shape[0] != len(self.channels) or rows.shape[1] > self.samples:
@@ -270,29 +270,29 @@ class Recent:
 
 
 class WindowedEstimator(VelocityEstimator):
-    """A method that gives `batch`; a step is its last sample over `MEMORY_S` up to now."""
+    """Estimator that defines `batch`; a step is the last sample of a batch over `MEMORY_S`."""
 
     def __init__(self, vehicle: Vehicle, period: float):
-        """Begin before the first sample; see `VelocityEstimator`."""
+        """Start before the first sample; see `VelocityEstimator`."""
         super().__init__(vehicle, period)
         self.recent = self._memory = Recent(self.channels, max(2, round(MEMORY_S / period) + 1))
 
     @abc.abstractmethod
     def batch(self, signals: Signals) -> Estimate:
-        """See `VelocityEstimator`; averages may reach beyond a sample."""
+        """See `VelocityEstimator`; averages may use later samples."""
 
     def step(self, sample: Mapping[str, float]) -> BodyVelocity:
-        """See `VelocityEstimator`; at rest at the first sample."""
+        """See `VelocityEstimator`; the first sample is taken at rest."""
         self.recent.add(sample)
         if self.recent.count < 2:
             return BodyVelocity(surge=0.0, sway=0.0)
         return self.last(self.recent.signals())
 
     def last(self, signals: Signals) -> BodyVelocity:
-        """Velocity at the last of the samples (count,) of each channel.
+        """Velocity at the last sample; each channel is (count,).
 
         Raises:
-          InputError: the method gives no velocity of this vehicle.
+          InputError: the method gives no velocity for this vehicle.
         """
         found = self.batch(signals)
         if found.surge is None or found.sway is None:
@@ -308,22 +308,22 @@ class WindowedEstimator(VelocityEstimator):
 
 
 VELOCITY_ESTIMATORS: Registry[type[VelocityEstimator]] = seams.VELOCITY_ESTIMATORS
-"""Every estimator that has a name."""
+"""All velocity estimators by name."""
 
 register = VELOCITY_ESTIMATORS.add
-"""Add a kind of one's own; usable as a decorator."""
+"""Add an estimator class; usable as a decorator."""
 
 
 def baselines() -> dict[str, type[VelocityEstimator]]:
-    """The estimators that need nothing but the vehicle, by name, as networks are set beside."""
+    """Estimators that need only the vehicle, by name: baselines of comparisons with networks."""
     return {name: kind for name, kind in VELOCITY_ESTIMATORS.items() if not kind.takes}
 
 
 def check_estimate(name: str, estimate: Any, samples: int) -> Estimate:
-    """The result of an estimator's `batch`, as it must be.
+    """Check the result of an estimator's `batch`, and return it.
 
     Raises:
-      InputError: it is no `Estimate`, or an array of it has another shape.
+      InputError: the result is no `Estimate`, or one of its arrays has a wrong shape.
     """
     if not isinstance(estimate, Estimate):
         raise InputError(
@@ -342,25 +342,25 @@ def check_estimate(name: str, estimate: Any, samples: int) -> Estimate:
 
 
 def open_velocity_estimator(text: str, vehicle: Vehicle, period: float) -> VelocityEstimator:
-    """The estimator that a text such as "ekf" or "network:runs/mine" names.
+    """Open the estimator that a text such as "ekf" or "network:runs/mine" names.
 
     Args:
-      vehicle: as its file says.
-      period: [s] between the samples that there are.
+      vehicle: as in its file.
+      period: [s] between the given samples.
 
     Raises:
-      InputError: an unknown kind, an argument that it does not take, or a vehicle that it does not
-        suit.
+      InputError: an unknown name, an argument that the estimator does not take, or a vehicle that
+        it does not suit.
     """
     kind, _, argument = text.partition(":")
     return VELOCITY_ESTIMATORS[kind].open(argument, vehicle, period)
 
 
 def usual_velocity_estimator(vehicle: Vehicle, period: float) -> VelocityEstimator:
-    """The first of `USUAL` that suits a vehicle.
+    """Open the first estimator of `USUAL` that suits a vehicle.
 
     Raises:
-      InputError: none does; what each lacks.
+      InputError: none suits it; the message has the reason of each.
     """
     why = []
     for name in USUAL:

@@ -1,17 +1,15 @@
-"""DVL-aided dead reckoning: what a Doppler velocity log adds.
+"""DVL-aided dead reckoning: velocity and track from a Doppler velocity log.
 
-With bottom lock the log gives the velocity over ground: no current is left to guess. With water
-lock it gives the velocity through the water below the vehicle, and the current is carried on from
-the last bottom lock, where it was the difference of the log and the velocity through the water.
-That is the flight model's for a glider; for a vehicle whose flight is not modelled it is what the
-log measured in water lock within a few seconds. Outliers are removed with a Hampel filter, short
-losses of lock are interpolated. Long ones are filled by the flight model, and without one by the
-last velocity that was measured.
+With bottom lock the log gives the velocity over ground, without any assumption on the current. With
+water lock it gives the velocity through the water below the vehicle. The current is then held from
+the last bottom lock, where it was the log's velocity minus the velocity through the water. For a
+glider the flight model gives the latter; other vehicles use the log's water lock of the last few
+seconds. A Hampel filter removes outliers, and short losses of lock are interpolated. Long losses
+are filled by the flight model, or without one by the last measured velocity.
 
-Labels of a training are cleaned as the paper's Tethys data: outliers are removed, and the rest is
-smoothed with a Gaussian. Both look ahead, so a network never sees them; the causal kind looks back
-only, as a vehicle under way can.
-"""
+Training labels are cleaned like the paper's Tethys data: outliers are removed, and the rest is
+smoothed with a Gaussian. Both steps use later samples, so no network reads their result. The
+causal smoothing uses earlier samples only, as a vehicle can on board."""
 
 from __future__ import annotations
 
@@ -42,32 +40,32 @@ from twin.vehicle.vehicle import Vehicle
 Smoothing = Literal["gaussian", "causal", "none"]
 SMOOTHINGS: tuple[Smoothing, ...] = get_args(Smoothing)
 BOTTOM, WATER = 1, 2
-"""Locks in `measured_dvl_mode`; 0 is none."""
+"""Values of `measured_dvl_mode` with a lock; 0 is no lock."""
 HAMPEL_SAMPLES = 11
-"""Window of the outlier test: 5.5 s at 2 Hz."""
+"""Window of the outlier test, in samples: 5.5 s at 2 Hz."""
 HAMPEL_SIGMAS = 3.0
 MAD_TO_SIGMA = 1.4826
-"""Standard deviation over median absolute deviation of a normal distribution."""
+"""[1] Standard deviation over median absolute deviation for a normal distribution."""
 LEAST_SPREAD = 2e-3
-"""[m/s] spread below which nothing counts as an outlier: the noise of averaged pings."""
+"""[m/s] Smallest standard deviation that the outlier test assumes: the noise of averaged pings."""
 SMOOTHING_S = 1.0
-"""[s] standard deviation of the Gaussian: short against the seconds in which a turn begins."""
+"""[s] Standard deviation of the Gaussian: short against the seconds in which a turn begins."""
 REACH = 4.0
-"""Standard deviations after which the Gaussian is cut off, scipy's own."""
+"""[1] Cut-off of the Gaussian in standard deviations, scipy's own."""
 SHORT_LOSS_S = 10.0
-"""[s] shorter losses of lock are interpolated."""
+"""[s] Longest loss of lock that is interpolated."""
 CURRENT_TIME_S = 600.0
-"""[s] over which the current found in bottom lock is averaged."""
+"""[s] Averaging time of the current found in bottom lock."""
 LEAST_WATER_SHARE = 0.5
-"""of the samples in water lock: below it the log says nothing on the velocity through the water"""
+"""[1] Least fraction of samples in water lock for a velocity through the water"""
 
 
 class Dvl(WindowedEstimator):
-    """Doppler velocity log, filled by steady flight where a glider carries it.
+    """Doppler velocity log, with gaps filled by steady flight on a glider.
 
-    Under way every water lock counts, and the flight model says the rest. Of a vehicle whose flight
-    is not modelled the last velocity that the log measured holds: through the water in water lock,
-    over ground in bottom lock, where a navigator then finds no current.
+    A step uses every water lock and fills the rest by the flight model. Without a flight model, the
+    last measured velocity is held: through the water in water lock, over ground in bottom lock,
+    where a navigator then finds no current.
     """
 
     kind = "dvl"
@@ -91,14 +89,14 @@ class Dvl(WindowedEstimator):
 
     @classmethod
     def needs(cls, vehicle: Vehicle) -> tuple[str, ...]:
-        """Add the channels of a glider's flight model."""
+        """Add the channels of the flight model for a glider."""
         flight = () if no_glider(vehicle) else SteadyFlight.channels
         return tuple(dict.fromkeys((*cls.channels, *flight)))
 
     def batch(self, signals: Signals, least_water: float = LEAST_WATER_SHARE) -> Estimate:
-        """See `VelocityEstimator`; without any lock nothing is estimated.
+        """See `VelocityEstimator`; without any lock the estimate is empty.
 
-        `least_water` is the share of samples in water lock that a velocity needs.
+        `least_water` is the least fraction of samples in water lock for a velocity.
         """
         period = self.period
         mode = np.rint(np.nan_to_num(signals["measured_dvl_mode"])).astype(int)
@@ -129,14 +127,14 @@ class Dvl(WindowedEstimator):
         )
 
     def last(self, signals: Signals) -> BodyVelocity:
-        """See `WindowedEstimator`; without any lock a glider's flight model's."""
+        """See `WindowedEstimator`; without any lock, the velocity of a glider's flight model."""
         if not no_glider(self.vehicle):
             found = self.batch(signals, least_water=0.0)
             if found.surge is None or found.sway is None:
                 surge, sway = self._flown(signals)[-1].tolist()
                 return BodyVelocity(surge=surge, sway=sway)
             return BodyVelocity(surge=float(found.surge[-1]), sway=float(found.sway[-1]))
-        log = _velocities(signals)  # the last that is no outlier, and at rest before the first
+        log = _velocities(signals)  # the last sample that is no outlier; rest before the first
         good = np.isfinite(log).all(axis=1) & (np.nan_to_num(signals["measured_dvl_mode"]) > 0.0)
         for i in range(3):
             good &= ~spikes(np.nan_to_num(log[:, i]), good)
@@ -153,11 +151,10 @@ class Dvl(WindowedEstimator):
         return np.stack([flight.surge, flight.sway], axis=1)
 
     def _through_water(self, signals: Signals, log: Array, water: Mask) -> tuple[Array, Mask]:
-        """Surge and sway [m/s] without the log's help, (time, 2), and where they can be trusted.
+        """Surge and sway [m/s] for the current's estimate, (time, 2), and their valid samples.
 
-        The flight model's for a glider. Without one the last in water lock, trusted where water
-        lock is near.
-        """
+        A glider uses its flight model. Other vehicles hold the last water lock, valid for
+        `SHORT_LOSS_S`."""
         if not no_glider(self.vehicle):
             return self._flown(signals), np.ones(len(log), bool)
         water = water & ~spikes(log[:, 0], water) & ~spikes(log[:, 1], water)
@@ -172,8 +169,8 @@ def _velocities(signals: Signals) -> Array:
 
 
 def _filled(values: Array, valid: Mask, fallback: Array | None, period: float) -> Array:
-    """Outliers and short losses interpolated between valid samples, the rest from `fallback`,
-    NaN without one."""
+    """Fill outliers and short losses by interpolation, the rest from `fallback`, or NaN without
+    it."""
     valid = valid & ~spikes(values, valid)
     index = np.arange(len(values))
     rest = np.full(len(values), np.nan) if fallback is None else fallback
@@ -188,9 +185,9 @@ def _filled(values: Array, valid: Mask, fallback: Array | None, period: float) -
 
 
 def spikes(values: Array, valid: Mask) -> Mask:
-    """Mark `outliers` with deviations from each sample's own median.
+    """Mark outliers like `outliers`, but with each sample's deviation from its own median.
 
-    A track is bridged over samples taken out of a turn, and is none the worse."""
+    Samples removed in a turn are interpolated, which hardly changes a track."""
     smooth = bridge(values, valid)
     middle = median_filter(smooth, HAMPEL_SAMPLES, mode="nearest")
     off = np.abs(smooth - middle)
@@ -199,7 +196,7 @@ def spikes(values: Array, valid: Mask) -> Mask:
 
 
 def _carried(current: Array, known: Mask, period: float) -> Array:
-    """Exponential average of the known samples, held in between, zero before; (time, 2)."""
+    """Exponential average of the valid samples, held in between, zero before; (time, 2)."""
     weight = 1.0 - np.exp(-period / CURRENT_TIME_S)
     out = np.zeros_like(current)
     mean, total = np.zeros(2), 0.0
@@ -211,14 +208,14 @@ def _carried(current: Array, known: Mask, period: float) -> Array:
 
 
 def outliers(values: Array, valid: Mask, *, causal: bool = False) -> Mask:
-    """Valid samples farther from the running median than three scaled median deviations (Hampel).
+    """Mark valid samples whose distance from the running median exceeds three scaled MADs (Hampel).
 
-    A window is of valid samples: those beside a gap are judged together with those beyond it.
+    A window holds valid samples only, so it joins the samples on both sides of a gap.
 
     Args:
       values: [m/s], (time,).
-      valid: where there is a measurement, (time,).
-      causal: windows end at the sample instead of being centred on it.
+      valid: True for samples with a measurement, (time,).
+      causal: whether windows end at the sample; otherwise they are centred on it.
     """
     found = np.zeros(len(values), bool)
     if not valid.any():
@@ -228,24 +225,24 @@ def outliers(values: Array, valid: Mask, *, causal: bool = False) -> Mask:
     around = (HAMPEL_SAMPLES - 1, 0) if causal else (half, half)
     windows = sliding_window_view(np.pad(known, around, mode="edge"), HAMPEL_SAMPLES)
     middle = np.median(windows, axis=1)
-    # The deviations are from this window's median: a turn, in which all of it moves, is wide.
+    # Deviations from the window's own median are large throughout a turn, so it has no outliers.
     spread = MAD_TO_SIGMA * np.median(np.abs(windows - middle[:, None]), axis=1)
     found[valid] = np.abs(known - middle) > HAMPEL_SIGMAS * np.maximum(spread, LEAST_SPREAD)
     return found
 
 
 def smoothed(values: Array, valid: Mask, period: float, kind: Smoothing = "gaussian") -> Array:
-    """Valid samples averaged with their valid neighbours, NaN elsewhere; (time,).
+    """Average valid samples with their valid neighbours; NaN elsewhere; (time,).
 
-    The weights are normalised by those that fall on valid samples, so that a gap neither drags its
-    neighbours to zero nor is filled.
+    The weights are normalised over the valid samples, so that a gap neither pulls its neighbours
+    to zero nor is filled.
 
     Args:
       values: [m/s], (time,).
-      valid: where there is a measurement, (time,).
+      valid: True for samples with a measurement, (time,).
       period: [s] between samples.
-      kind: `gaussian` of `SMOOTHING_S`; `causal`, the half of it that lies in the past, which lags
-        by 0.8 of `SMOOTHING_S`; or `none`.
+      kind: `gaussian` of `SMOOTHING_S`; `causal`, its half in the past, which lags by 0.8 of
+        `SMOOTHING_S`; or `none`.
     """
     if kind == "none":
         return np.where(valid, values, np.nan)
@@ -256,7 +253,7 @@ def smoothed(values: Array, valid: Mask, period: float, kind: Smoothing = "gauss
 
 
 def _weighted(values: Array, period: float, kind: Smoothing) -> Array:
-    """Sum of the samples under the kernel, nothing beyond the ends."""
+    """Kernel-weighted sum of the samples, with zeros beyond the ends."""
     sigma = SMOOTHING_S / period
     if kind == "gaussian":
         return np.asarray(gaussian_filter1d(values, sigma, mode="constant", truncate=REACH))

@@ -1,4 +1,4 @@
-"""EKF: an extended Kalman filter on the dynamic model.
+"""EKF: extended Kalman filter of a glider's velocity, on the nominal equations of motion.
 
 State (surge, sway, heave [m/s], depth [m], error of the net buoyancy mass [kg]). Prediction
 integrates the momentum equation of the nominal vehicle (Fossen 2011, chapter 8; the coefficient
@@ -7,9 +7,9 @@ forces are the Fossen model's own) with measured attitude, rates and pump as kno
     (m + M_A) dv/dt = P x omega + W(net mass, attitude) + F(v, omega),
                   P = (m + M_A) v + M_vw omega,
 
-and the depth by the vertical row of the kinematics; the update is the measured depth. Angular
-accelerations are left out: their coupling is below 1e-3 m/s2 and the process noise covers it. The
-water's velocity is not in the state: no relative sensor sees it.
+and the depth by the vertical row of the kinematics. The update is the measured depth. Angular
+accelerations are left out: their coupling is below 1e-3 m/s2, within the process noise. The water's
+velocity is not in the state: sensors that move with the water cannot observe it.
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ from twin.vehicle.vehicle import Vehicle
 STATES = 5
 SURGE, SWAY, HEAVE, DEPTH, NET_ERROR = range(STATES)
 SUBSTEPS = 2
-"""Runge-Kutta steps per sample: heave settles within 0.6 s at 0.5 m/s, samples are 0.5 s apart."""
+"""Runge-Kutta steps per sample: heave settles within 0.6 s at 0.5 m/s; samples are 0.5 s apart."""
 NUDGE = 1e-5
-"""Step of the one-sided differences of the Jacobian."""
+"""Step of the finite differences of the Jacobian."""
 INPUTS = (
     "measured_depth", "measured_roll", "measured_pitch", "measured_roll_rate",
     "measured_pitch_rate", "measured_yaw_rate", "measured_pump",
@@ -63,19 +63,19 @@ INPUTS = (
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EkfNoise:
-    """Standard deviations that the filter assumes, for coefficients that are 10 % uncertain."""
+    """Standard deviations of the filter's noise, for coefficients that are 10 % uncertain."""
 
     acceleration: float = 2e-3
     """[m/s2/sqrt(Hz)] each axis: errors of the force law and of the measured inputs."""
     net_mass: float = 1.2e-2
     """[kg/sqrt(s)] drift of the net mass's error: stratification, compressibility and wrong drag.
-    The last one changes its sign between dive and climb, so the drift must follow an inflection."""
+    An error from drag changes sign between dive and climb, so the drift must allow that."""
     initial_net_mass: float = 0.03
-    """[kg] ballasting error at the start: 20 g is usual."""
+    """[kg] Ballasting error at the start: 20 g is usual."""
     initial_velocity: float = 0.05
     """[m/s] each axis: the mission starts from rest."""
     depth: float = 0.01
-    """[m] of a depth sample: noise and quantisation of the transducer."""
+    """[m] Depth sample: noise and quantisation of the transducer."""
     kinematic: float = 5e-4
     """[m/sqrt(s)] drift between depth and integrated vertical velocity: attitude errors, internal
     waves."""
@@ -97,25 +97,25 @@ class EkfRun(NamedTuple):
     innovations: Array
     """[m] measured minus predicted depth, (time,)"""
     innovation_sd: Array
-    """[m] standard deviation that the filter expected, (time,)"""
+    """[m] Standard deviation of the innovation by the filter, (time,)"""
 
 
 class EkfModel(NamedTuple):
-    """The vehicle's equations and the noise, in the form that compiled code takes."""
+    """Vehicle's equations and noise, in the form that compiled code takes."""
 
     forces: ForceParameters
     inverse: Array
-    """of the inertia, (3, 3)"""
+    """Inverse of the inertia, (3, 3)"""
     inertia: Array
     coupling: Array
-    """M_vw, (3, 3): momentum per body rate, with the moving masses in their neutral places"""
+    """M_vw, (3, 3): momentum per body rate, with the moving masses in neutral position"""
     process: Array
-    """variances per second, (5,)"""
+    """Process variances per second, (5,)"""
     depth_variance: float
 
 
 class Ekf(GlideModel):
-    """Model-based observer with the nominal parameters; on board with the last seconds' depths."""
+    """Kalman filter with the nominal parameters; `step` uses the depths of the last seconds."""
 
     kind = "ekf"
     title = "EKF, dynamic model"
@@ -131,7 +131,7 @@ class Ekf(GlideModel):
     )
 
     def __init__(self, vehicle: Vehicle, period: float, noise: EkfNoise | None = None):
-        """Begin before the first sample; see `VelocityEstimator`."""
+        """Start before the first sample; see `VelocityEstimator`."""
         super().__init__(vehicle, period)
         self.noise = EkfNoise() if noise is None else noise
         self.recent = self._memory = Recent(
@@ -141,7 +141,7 @@ class Ekf(GlideModel):
 
     @classmethod
     def unsuited(cls, vehicle: Vehicle) -> str:
-        """It needs a glider with one moving mass."""
+        """Reason if the vehicle is no glider with one moving mass; empty otherwise."""
         why = super().unsuited(vehicle)
         if not why and len(vehicle.masses) != 1:
             why = f"vehicle {vehicle.name!r} has {len(vehicle.masses)} moving masses, not one"
@@ -180,15 +180,15 @@ class Ekf(GlideModel):
         )
 
     def run(self, signals: Signals) -> EkfRun:
-        """The whole filter on one mission."""
+        """Filter one whole mission."""
         rows = np.stack([finite_channel(signals, name) for name in INPUTS])
         return self._go_on(rows, afloat(rows[0], self.period), self._begin(rows[0, 0]))
 
     def _begin(self, depth: float) -> Array:
-        """Numbers carried from sample to sample, before the first one, (37,).
+        """State carried from sample to sample, before the first one, (37,).
 
-        The inputs of the sample before (7), NaN at the first one, the state (5), the covariance
-        (25).
+        It holds the inputs of the previous sample (7), NaN before the first, the state (5) and the
+        covariance (25).
         """
         q = self.noise
         first = np.array([q.initial_velocity**2] * 3 + [q.depth**2, q.initial_net_mass**2])
@@ -197,11 +197,11 @@ class Ekf(GlideModel):
         )
 
     def _go_on(self, rows: Array, still: Mask, carried: Array) -> EkfRun:
-        """Filter rows of `INPUTS` (7, time); `carried` is changed to go on from there."""
+        """Filter rows of `INPUTS` (7, time); `carried` is updated in place."""
         depth, roll, pitch, *rates, pump = rows
         roll, pitch = np.deg2rad(roll), np.deg2rad(pitch)
-        # Afloat, the surface carries what the pump takes off: the hull comes out of the water. How
-        # far it does, a pressure gauge that is off by a metre cannot say.
+        # Afloat, the surface supports the hull as far as it emerges: the net mass is 0. A pressure
+        # gauge with an error of a metre cannot measure how far it emerges.
         net = np.where(still, 0.0, net_mass(self.vehicle, pump, np.maximum(depth, 0.0)))
         down = (-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll))
         inputs = np.stack([*down, *rates, net], axis=1)
@@ -218,7 +218,7 @@ class Ekf(GlideModel):
 
     @functools.cached_property
     def model(self) -> EkfModel:
-        """The vehicle's equations."""
+        """Vehicle's equations and noise for the compiled code."""
         q, vehicle = self.noise, self.vehicle
         inertia = vehicle.mass * np.eye(3) + vehicle.added_mass[:3, :3]
         moment = vehicle.static_mass * vehicle.static_cg
@@ -234,8 +234,8 @@ class Ekf(GlideModel):
         )
 
 
-# Plain loops below: they compile several times faster than array expressions and BLAS calls, and
-# at five rows they run as fast.
+# The loops below are plain: they compile several times faster than array expressions and BLAS
+# calls, and at five rows they run as fast.
 @jit
 def _rates(model: EkfModel, x: Array, given: Array) -> Array:
     """dx/dt (5,) for inputs (down axis 3, rates 3, net mass)."""
@@ -270,7 +270,7 @@ def _moved(x: Array, rate: Array, step: float) -> Array:
 
 @jit
 def _predict(model: EkfModel, x: Array, before: Array, after: Array, period: float) -> Array:
-    """State after one sample; inputs change linearly between two samples."""
+    """State one sample later; inputs change linearly between two samples."""
     h, change = period / SUBSTEPS, _moved(after, before, -1.0)
     for step in range(SUBSTEPS):
         start = _moved(before, change, step / SUBSTEPS)
@@ -307,7 +307,7 @@ def _congruent(a: Array, matrix: Array) -> Array:
 def _filtered(  # type: ignore[no-untyped-def]
     model: EkfModel, inputs: Array, depth: Array, period: float, carried: Array
 ):
-    """Predict and update over all samples; the fields of `EkfRun`."""
+    """Predict and update over all samples; return the fields of `EkfRun`."""
     n = depth.size
     states = np.zeros((n, 5))
     covariances = np.zeros((n, 5, 5))
@@ -345,7 +345,7 @@ def _filtered(  # type: ignore[no-untyped-def]
         cov = _congruent(keep, cov)
         for i in range(5):
             for j in range(5):
-                # The gain of row i is the identity's column 3 less keep's.
+                # The gain of row i is the identity's column 3 minus keep's.
                 gain_i = (1.0 if i == 3 else 0.0) - keep[i, 3]
                 gain_j = (1.0 if j == 3 else 0.0) - keep[j, 3]
                 cov[i, j] += model.depth_variance * gain_i * gain_j
@@ -353,7 +353,7 @@ def _filtered(  # type: ignore[no-untyped-def]
             states[k, i] = x[i]
         innovations[k] = innovation
         expected[k] = np.sqrt(variance)
-    # number by number: numba takes seconds to compile what puts one array into another
+    # element by element: numba takes seconds to compile an assignment of arrays
     for i in range(7):
         carried[i] = before[i]
     for i in range(5):

@@ -1,19 +1,19 @@
-"""Flight of a glider by depth, attitude and pump: reckoning by the pitch, and flight models.
+"""Flight estimators of a glider: reckoning by pitch, steady flight, and learned flight.
 
-A glider's path is steeper than its pitch by the angle of attack a, so that its speed through the
-water is |z'| / sin(|pitch| + a) and its horizontal speed |z'| / tan(|pitch| + a), along the
-measured heading. Slocum gliders navigate so, Spray with a = 3 deg (OceanGliders, depth-averaged
-current procedure). The vehicle's own logged track is one over ground.
+A glider's path is steeper than its pitch by the angle of attack a. Its speed through the water is
+|z'| / sin(|pitch| + a), its horizontal speed |z'| / tan(|pitch| + a), along the measured heading.
+Slocum gliders navigate by this, Spray with a = 3 deg (OceanGliders, depth-averaged current
+procedure). The track that a vehicle logs itself is one over ground.
 
-The steady balance itself is `twin.identify.speed`. Its angles follow from ratios of forces,
-so the buoyancy hardly matters to them. The speed is the buoyancy's where the path is flat; where it
-is steep the depth rate fixes it, which a wrong drag coefficient or ballast cannot spoil. The
-learned flight corrects drag, lift, ballast, compressibility and the accelerometers' pitch errors by
-each steady glide (`twin.navigation.flight_filter`).
+The steady balance is `twin.identify.speed`. Its angles follow from ratios of forces, so buoyancy
+hardly changes them. On a flat path the speed comes from buoyancy. On a steep path it comes from the
+depth rate, which a wrong drag coefficient or ballast does not change. The learned flight corrects
+drag, lift, ballast, compressibility and the accelerometers' pitch errors in each steady glide
+(`twin.navigation.flight_filter`).
 
-Flight models state the error of their speed by what is uncertain in the vehicle. Pitch and angle
-of attack make a horizontal speed of the depth rate, by the cotangent of the glide angle:
-coefficients and a pitch that differ from the vehicle's file turn the path.
+Flight models state the error of their speed from the vehicle's uncertainty. The horizontal speed is
+the depth rate times the cotangent of the glide angle. Errors of coefficients and of pitch change
+that angle.
 """
 
 from __future__ import annotations
@@ -53,24 +53,24 @@ from twin.navigation.flight_filter_kernels import CHANNELS
 from twin.vehicle.vehicle import Vehicle
 
 REFERENCE_PITCH = math.radians(26.0)
-"""[rad] magnitude of the pitch that the constant is taken at, the usual one of gliders (Slocum)."""
+"""[rad] Pitch for the constant angle of attack, the usual one of gliders (Slocum)."""
 PATH_WINDOW_S = 20.0
-"""[s] average of depth rate and pitch; the vehicle's own software uses it too."""
+"""[s] Averaging time of depth rate and pitch, as in the vehicle's own software."""
 LEAST_PITCH = math.radians(10.0)
-"""[rad] below this the quotient is not used and the last speed is held (inflections)."""
+"""[rad] Pitch below which the quotient is not used and the last speed is held (inflections)."""
 MAX_SPEED = 1.0
-"""[m/s] no buoyancy glider is faster through the water for long."""
+"""[m/s] Upper limit of the speed: no buoyancy glider is faster through the water for long."""
 WINDOW_S = 10.0
-"""[s] average of every measured input: shorter than a glider takes to settle, longer than noise."""
+"""[s] Averaging time of every input: shorter than a glider's settling, longer than noise."""
 STEADY_PITCH = np.deg2rad(2.0)
-"""[rad] by which pitch may differ from its average: more, and the vehicle is turning over."""
+"""[rad] Largest difference of pitch from its average in steady flight."""
 FLAT_SINE = 0.07
-"""Sine of the path angle (4 deg) at which the buoyancy's and the depth rate's speed count alike."""
+"""Sine of the glide angle (4 deg) at which the speeds by buoyancy and depth rate weigh equally."""
 LEAST_SINE = 0.12
-"""Sine of the path angle (7 deg) below which there is no steady glide: the best glide ratio of
+"""Sine of the glide angle (7 deg) below which no glide is steady: the best glide ratio of
 buoyancy gliders is near 8."""
 DRAWS = 40
-"""Vehicles that an identification leaves possible; the deviation is known to 11 %"""
+"""Vehicles sampled from an identification; their standard deviation is known to 11 %"""
 
 
 class PitchPlusAlpha(WindowedEstimator):
@@ -88,12 +88,12 @@ class PitchPlusAlpha(WindowedEstimator):
 
     @classmethod
     def unsuited(cls, vehicle: Vehicle) -> str:
-        """It needs a glider."""
+        """Reason if the vehicle is no glider; empty otherwise."""
         return no_glider(vehicle)
 
     @functools.cached_property
     def angle_of_attack(self) -> float:
-        """The constant [rad]: the nominal vehicle's in a steady glide at `REFERENCE_PITCH`."""
+        """[rad] The nominal vehicle's angle of attack in a steady glide at `REFERENCE_PITCH`."""
         return steady_angle_of_attack(self.vehicle, REFERENCE_PITCH)
 
     def batch(self, signals: Signals) -> Estimate:
@@ -113,8 +113,8 @@ class PitchPlusAlpha(WindowedEstimator):
 def steady_angle_of_attack(vehicle: Vehicle, pitch: float) -> float:
     """Angle of attack [rad] of a wings-level glide at |pitch| [rad], from the coefficients.
 
-    Mean of dive and climb, whose lift at zero angle differs in sign. Drag over lift is the tangent
-    of the path's angle (Graver 2005, section 4.1): (K_D0 + K_D a^2) = (K_L0 + K_alpha a) tan.
+    It is the mean of dive and climb, whose lift at zero angle differs in sign. With the tangent of
+    the glide angle: K_D0 + K_D a^2 = (K_L0 + K_alpha a) tan (Graver 2005, section 4.1).
     """
     law, angles = vehicle.flow_frame, []
     for sign in (1.0, -1.0):
@@ -127,12 +127,12 @@ def steady_angle_of_attack(vehicle: Vehicle, pitch: float) -> float:
 
 
 class OnboardReckoning(VelocityEstimator):
-    """The vehicle's own track, of whole missions alone.
+    """Track that the vehicle logged on board, for whole missions only.
 
-    It is reset at every GPS fix, with the last depth-averaged current added (see
-    `twin.sensors.onboard`). In a mission that never had a fix it is one through the water, unless
-    the vehicle is propelled: such vehicles reckon by their Doppler log, which may see the bottom.
-    It gives no velocity that could be set against surge and sway.
+    The vehicle resets it at every GPS fix and adds the last depth-averaged current (see
+    `twin.sensors.onboard`). In a mission without fixes it is a track through the water, unless the
+    vehicle is propelled: such vehicles use a Doppler log, which may have bottom lock. It has no
+    surge and sway.
     """
 
     kind = "onboard"
@@ -150,10 +150,10 @@ class OnboardReckoning(VelocityEstimator):
 
     @classmethod
     def open(cls, argument: str, vehicle: Vehicle, period: float) -> NoReturn:
-        """Refuse: it has no velocity through the water.
+        """Refuse, since the track gives no velocity through the water.
 
         Raises:
-          InputError: always; `pitch_plus_alpha` reckons in the same way.
+          InputError: always; `pitch_plus_alpha` uses the same equation.
         """
         raise InputError(
             "the on-board track is one over ground and gives no velocity through the water: choose "
@@ -161,7 +161,7 @@ class OnboardReckoning(VelocityEstimator):
         )
 
     def step(self, sample: Mapping[str, float]) -> NoReturn:
-        """Refuse as `open`."""
+        """Refuse like `open`."""
         self.open("", self.vehicle, self.period)
 
     def batch(self, signals: Signals) -> Estimate:
@@ -172,16 +172,16 @@ class OnboardReckoning(VelocityEstimator):
 
 
 class GlideModel(VelocityEstimator):
-    """A method by a glider's balance of forces."""
+    """Base class of methods that use a glider's balance of forces."""
 
     @classmethod
     def unsuited(cls, vehicle: Vehicle) -> str:
-        """It needs a glider."""
+        """Reason if the vehicle is no glider; empty otherwise."""
         return no_glider(vehicle)
 
     @property
     def deviation(self) -> VelocityDeviation:
-        """See `VelocityEstimator`; of one that learns, at first."""
+        """See `VelocityEstimator`; for a learning method, the error at the start."""
         return glide_deviation(self.vehicle)
 
 
@@ -213,10 +213,10 @@ class SteadyFlight(GlideModel, WindowedEstimator):
 
 
 class Seen(NamedTuple):
-    """Averaged measurements; angles and rates in radians."""
+    """Averaged measurements; angles in radians, rates in rad/s."""
 
     rate: Array
-    """[m/s] of depth, (time,)"""
+    """[m/s] depth rate, (time,)"""
     roll: Array
     pitch: Array
     rates: Array
@@ -224,13 +224,13 @@ class Seen(NamedTuple):
     net: Array
     """[kg] net buoyancy mass, (time,)"""
     steady: Mask
-    """Whether the pitch rests, under water"""
+    """Samples under water with a steady pitch"""
     still: Mask
-    """Whether it lies at the surface"""
+    """Samples at the surface"""
 
     @classmethod
     def of(cls, vehicle: Vehicle, signals: Signals, period: float) -> Seen:
-        """Average one mission, or its last minutes."""
+        """Average the measurements of one mission, or of its last minutes."""
         depth = finite_channel(signals, "measured_depth")
         attitude = AttitudeSeries.of(signals)
         turning = [finite_channel(signals, f"measured_{n}_rate") for n in ("roll", "pitch", "yaw")]
@@ -249,7 +249,7 @@ class Seen(NamedTuple):
         )
 
     def balanced(self, vehicle: Vehicle) -> tuple[Array, Mask]:
-        """Surge and sway [m/s], (2, time), and where forces are in balance: not at inflections."""
+        """Surge and sway [m/s], (2, time), and the samples in balance: not inflections."""
         rate, roll, pitch = self.rate, self.roll, self.pitch
         speed, alpha, beta, gliding = balance(vehicle, self.net, roll, pitch, self.rates)
         direction = np.stack(
@@ -266,7 +266,7 @@ class Seen(NamedTuple):
 
 
 class LearnedFlight(GlideModel):
-    """Surge and sway of a flight filter that begins with the nominal vehicle."""
+    """Surge and sway of a flight filter that starts with the nominal vehicle."""
 
     kind = "flight_filter"
     title = "flight filter"
@@ -278,7 +278,7 @@ class LearnedFlight(GlideModel):
     channels = (*CHANNELS, "measured_heading")
 
     def __init__(self, vehicle: Vehicle, period: float):
-        """Begin before the first sample; see `VelocityEstimator`."""
+        """Start before the first sample; see `VelocityEstimator`."""
         super().__init__(vehicle, period)
         self._filter = self._memory = FlightFilter(vehicle, period)
 
@@ -297,18 +297,18 @@ class LearnedFlight(GlideModel):
 
 
 def glide_deviation(vehicle: Vehicle) -> VelocityDeviation:
-    """Error of the velocity that a balance of forces gives at the vehicle's usual glide.
+    """Velocity error of a balance of forces at the vehicle's usual glide.
 
-    The coefficients of an identified vehicle are as sure as its file says; all those of another one
-    as the lift slope in `FlightSpread`, which is a sound hull, without growth. The pitch is as
-    there. Errors by the coefficients are the same down and up, and stay; those by the pitch change
-    their sign, and go.
+    The coefficients of an identified vehicle have the uncertainty in its file. Those of another
+    vehicle have the lift slope's in `FlightSpread`: a clean hull, without growth. The pitch's is
+    there, too. Errors by coefficients are equal in descent and climb: they are the constant part.
+    Errors by pitch change sign between them: they are the varying part.
 
     Args:
-      vehicle: one that glides by lift and drag coefficients.
+      vehicle: glides by lift and drag coefficients.
 
     Raises:
-      VehicleError: what the file says of its identification cannot be read.
+      VehicleError: the identification in the file cannot be read.
     """
     spread, (_, slope, angle) = FlightSpread(), _glide(vehicle)
     possible, drawn = draw_vehicles(vehicle, DRAWS, np.random.default_rng(0), speed=True)
@@ -328,7 +328,7 @@ def glide_deviation(vehicle: Vehicle) -> VelocityDeviation:
 
 
 def usual_speed(vehicle: Vehicle) -> float:
-    """[m/s] horizontal, through the water, at which a vehicle usually goes."""
+    """[m/s] Usual horizontal speed of a vehicle through the water."""
     if vehicle.steered("speed") is not None:
         return vehicle.cruise_speed
     speed, _, angle = _glide(vehicle)
@@ -336,7 +336,7 @@ def usual_speed(vehicle: Vehicle) -> float:
 
 
 def _glide(vehicle: Vehicle) -> tuple[float, float, float]:
-    """Speed [m/s], cotangent of the path's angle and that angle [rad], mean of down and up."""
+    """Speed [m/s], cotangent of the glide angle and that angle [rad], mean of descent and climb."""
     pitch, mass = vehicle.usual_glide
     pitches = np.array([-pitch, pitch])
     speed, attack, *_ = balance(

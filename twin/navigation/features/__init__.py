@@ -1,10 +1,10 @@
-"""Features: the inputs of a network by name, computed from what a vehicle measures or commands.
+"""Features: the inputs of a network by name, computed from measured and commanded signals.
 
-No feature reads a `true_*` channel. Absolute heading is not a feature: the water does not know
-where north is, and a network that sees the heading learns the headings of its training missions.
-Absolute depth is one, `depth`, but no default: on few missions it works as a mission's signature.
-Where net buoyancy changes with depth (hull compressibility, stratification), `glide_speed` is the
-better way to tell the network, since it needs no knowledge of buoyancy.
+No feature reads a `true_*` channel. Absolute heading is not a feature: the water does not depend
+on it, and a network with the heading learns the headings of its training missions. Absolute depth
+is the feature `depth`, but no default: with few missions it identifies the mission. Where net
+buoyancy changes with depth (hull compressibility, stratification), `glide_speed` is the better
+input, since it needs no knowledge of buoyancy.
 
 A feature is computed over a whole mission (`Feature.compute`) or sample by sample
 (`FeatureSteps`), to the same values.

@@ -1,9 +1,8 @@
-"""Features by name: one definition that is computed over missions and sample by sample.
+"""Features by name: one definition for whole missions and for single samples.
 
-A feature is a function of a few terms. A term looks at one signal: its last value, its mean or its
-slope over the last samples. Terms are linear in the samples that they look back on, which both ways
-of computing, and code for other machines, can rely on. A vehicle's own parts have features too.
-"""
+A feature is a function of a few terms. A term is the last value, mean or slope of one signal over
+its last samples. Terms are linear in their samples, so that both computations, and code for
+other machines, agree. A vehicle's own parts have features too."""
 
 from __future__ import annotations
 
@@ -21,11 +20,11 @@ from twin.records.schema import SIMULATED, VARIABLES, WITH_FLOOR
 from twin.registry import Registry
 
 Channels = Mapping[str, Array]
-"""Signals (time,) of one mission by schema name; angles in degrees as stored."""
+"""Signals (time,) of one mission by schema name; angles in degrees as stored"""
 
 SLOW_S = 10.0
-"""[s] Window of the slow features: long against sensor noise at 2 Hz, short against the 30-60 s in
-which a glider settles."""
+"""[s] Window of the slow features: long against sensor noise at 2 Hz, short against the 30-60 s
+that a glider takes to settle."""
 
 Shape = Literal["plain", "sine", "cosine", "angle"]
 SHAPES: tuple[Shape, ...] = get_args(Shape)
@@ -35,7 +34,7 @@ LOOKS: tuple[Look, ...] = get_args(Look)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Term:
-    """A look at one signal."""
+    """Linear function of one signal's last samples."""
 
     channel: str
     """Schema variable."""
@@ -43,9 +42,9 @@ class Term:
     """Function of each sample: itself; sine or cosine of an angle in degrees; or the angle in
     radians without jumps at 360 degrees."""
     look: Look = "last"
-    """The last sample, or the mean or least-squares slope [unit/s] of the window."""
+    """Last sample, or mean or least-squares slope [unit/s] of the window."""
     seconds: float = 0.0
-    """[s] length of the window; it has two samples at least."""
+    """[s] Length of the window; a window has at least two samples."""
 
     def __post_init__(self) -> None:
         for value, known in ((self.shape, SHAPES), (self.look, LOOKS)):
@@ -53,11 +52,11 @@ class Term:
                 raise InputError(f"a term cannot be {value!r}: choose {' or '.join(known)}")
 
     def samples(self, period: float) -> int:
-        """Samples that it looks back on, with one every `period` [s]."""
+        """Number of samples in the window, with one every `period` [s]."""
         return 1 if self.look == "last" else max(2, round(self.seconds / period))
 
     def compute(self, signals: Channels, period: float) -> Array:
-        """Values (time,) over one mission."""
+        """Compute the values (time,) over one mission."""
         values = _SHAPED[self.shape](signals[self.channel])
         if self.look == "mean":
             return trailing_mean(values, self.samples(period))
@@ -68,30 +67,30 @@ class Term:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Feature:
-    """One input of the networks."""
+    """Feature: one input of the networks."""
 
     name: str
     group: str
-    """The mask that switches it off together with its like."""
+    """Group whose mask switches off this feature together with similar ones."""
     unit: str
     terms: tuple[Term, ...]
     combine: Callable[..., Any] | None = dataclasses.field(default=None, repr=False)
-    """Makes the feature of the terms' values, in their order, of arrays as of numbers. None: there
-    is one term, and the feature is its value."""
+    """Function that gives the feature from the terms' values, in order, for arrays and numbers.
+    None: the feature is the value of its one term."""
     c: str = dataclasses.field(default="", repr=False)
-    """`combine` in C99, for vehicles that run no Python: the body of a function that returns a
-    float, made of the terms' values `const float *t`."""
+    """`combine` in C99, for vehicles without Python: the body of a function that returns a float
+    from the terms' values `const float *t`."""
     odd: bool | None = False
-    """Whether it changes its sign when the vehicle is mirrored, port for starboard; None: the
-    store's vehicle says."""
+    """Whether the sign changes if the vehicle is mirrored, port for starboard; None: the store's
+    vehicle decides."""
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Variables that it reads, of the schema or of `twin.navigation.settings`."""
+        """Variables that the feature reads, of the schema or of `twin.navigation.settings`."""
         return tuple(dict.fromkeys(term.channel for term in self.terms))
 
     def compute(self, signals: Channels, period: float) -> Array:
-        """Values (time,) of a mission with one sample every `period` [s].
+        """Compute the values (time,) of a mission with one sample every `period` [s].
 
         `FeatureSteps` gives the same values sample by sample.
         """
@@ -99,7 +98,7 @@ class Feature:
         return values[0] if self.combine is None else np.asarray(self.combine(*values))
 
     def flaw(self, name: str) -> str:
-        """The first thing that is wrong with it; a network must not see the truth."""
+        """First fault of the feature, such as reading true signals; empty if it has none."""
         if not name.isidentifier():
             return "its name must be of letters, digits and underscores"
         if not self.terms or (self.combine is None and len(self.terms) > 1):
@@ -114,17 +113,17 @@ class Feature:
 
 
 def trailing_slope(values: Array, samples: int, period: float) -> Array:
-    """Least-squares slope [unit/s] over the last `samples` values; the future is not used.
+    """Least-squares slope [unit/s] over the last `samples` values; no later value is used.
 
-    Before the first sample the signal is taken as constant, which a launch from rest is.
-    Two samples give the backward difference.
+    Before the first sample the signal counts as constant, as at a launch from rest. Two samples
+    give the backward difference.
     """
     padded = np.concatenate([np.full(samples - 1, values[0]), values])
     return np.convolve(padded, slope_weights(samples, period)[::-1], mode="valid")
 
 
 def slope_weights(samples: int, period: float) -> Array:
-    """Weights (samples,) of the samples, oldest first, in their least-squares slope [unit/s]."""
+    """Weights (samples,) of samples, oldest first, for their least-squares slope [unit/s]."""
     places = np.arange(samples) - (samples - 1) / 2
     return np.asarray(places / (places @ places) / period)
 
@@ -146,23 +145,23 @@ _SHAPED: dict[str, Callable[[Array], Array]] = {
 
 
 FEATURES: Registry[Feature] = seams.FEATURES
-"""Every feature by name."""
+"""All features by name."""
 
 register = FEATURES.add
-"""Add a feature of one's own."""
+"""Add a feature to the registry."""
 
 GLIDER_PARTS = ("shift", "rotation", "pump")
-"""Parts whose features are in the registry. Those of other parts have the names of their channels:
+"""Parts whose features are in the registry. Features of other parts have the channels' names:
 `measured_rudder` in the group `controls`, `commanded_rudder` in `commands`."""
 PART_GROUPS = {"measured": "controls", "commanded": "commands"}
-"""Group of the channel of a vehicle's part by the channel's kind."""
+"""Group of a part's channel, by the channel's prefix."""
 
 
 def feature(name: str) -> Feature:
-    """The feature of that name, of the registry or of a vehicle's part.
+    """Return the feature of that name, from the registry or of a vehicle's part.
 
     Raises:
-      InputError: there is none; the nearest is offered.
+      InputError: no feature has that name; the message has the nearest.
     """
     if name in FEATURES:
         return FEATURES[name]
@@ -178,30 +177,30 @@ def feature(name: str) -> Feature:
 
 
 def is_known(name: str) -> bool:
-    """Whether `feature` knows it."""
+    """Whether `feature` accepts the name."""
     return name in FEATURES or is_part_channel(name)
 
 
 def is_part_channel(name: str) -> bool:
-    """Whether it is the reading or the command of a part that the registry does not know."""
+    """Whether the name is the reading or command of a part outside the registry."""
     kind, _, part = name.partition("_")
     return kind in PART_GROUPS and bool(part) and name not in (*SIMULATED, *WITH_FLOOR)
 
 
 def channels_of(features: Iterable[str]) -> tuple[str, ...]:
-    """Channels that these features read, each once: of the schema, or estimated ones."""
+    """Channels that these features read, each once: of the schema, or estimated."""
     return tuple(dict.fromkeys(c for name in features for c in feature(name).channels))
 
 
 class FeatureSteps:
-    """Values of several features for one sample after the other, equal to `Feature.compute`.
+    """Values of several features, sample by sample, equal to those of `Feature.compute`.
 
-    Terms that several features share are looked up once. All looks are weighted sums over one
-    window of the last samples, (terms, samples).
+    Terms that features share are computed once. All terms are weighted sums over one window of the
+    last samples, (terms, samples).
     """
 
     def __init__(self, features: Sequence[str | Feature], period: float):
-        """Begin before the first sample.
+        """Start before the first sample.
 
         Args:
           features: names or features, in the order of the values.
@@ -236,13 +235,13 @@ class FeatureSteps:
         self.reset()
 
     def reset(self) -> None:
-        """Begin before the first sample again."""
+        """Return to the state before the first sample."""
         self._window = np.zeros_like(self._weights)
         self._angles = np.zeros(self._angle.size)
         self._count = 0
 
     def step(self, sample: Mapping[str, float]) -> Array:
-        """Values (features,) after a sample, in their own units.
+        """Compute the values (features,) after a sample, in their own units.
 
         Args:
           sample: a finite value for each of `channels`, in the schema's units.
@@ -264,7 +263,7 @@ class FeatureSteps:
         return values
 
     def _look(self, given: Array) -> Array:
-        """Values of the terms, (terms,), after these samples of theirs, (terms,)."""
+        """Values of the terms, (terms,), after a sample of each, (terms,)."""
         given[self._sine] = np.sin(np.deg2rad(given[self._sine]))
         given[self._cosine] = np.cos(np.deg2rad(given[self._cosine]))
         if self._angle.size:
@@ -276,7 +275,7 @@ class FeatureSteps:
         if self._count:
             self._window[:, :-1] = self._window[:, 1:]
             self._window[:, -1] = given
-        else:  # before the first sample a signal is taken as constant
+        else:  # before the first sample a signal counts as constant
             self._window[:] = given[:, None]
         self._count += 1
         looked = np.einsum("ts,ts->t", self._weights, self._window)
@@ -287,7 +286,7 @@ class FeatureSteps:
         return looked
 
     def state(self) -> dict[str, Array]:
-        """All that the next step depends on, as arrays by name."""
+        """Arrays by name that determine the next step."""
         return {
             "window": self._window.copy(),
             "angles": self._angles.copy(),
@@ -295,10 +294,10 @@ class FeatureSteps:
         }
 
     def restore(self, state: Mapping[str, Array]) -> None:
-        """Go on from where `state` was called, here or in another process.
+        """Continue from the state that `state` returned, here or in another process.
 
         Raises:
-          InputError: it is of other features or of another period.
+          InputError: the state has other features or another period.
         """
         if set(self.state()) - set(state) or np.shape(state["window"]) != self._window.shape:
             raise InputError(

@@ -1,10 +1,10 @@
-"""Selection: the shipped features, and which of them a network sees.
+"""Selection of features: the shipped features, and the choice of a network's inputs.
 
-A glider hardly accelerates, so its accelerometer is an inclinometer without the errors that the
-gyros add to an attitude filter; the bias of the accelerometer is in both. The motion by the flight
-filter (`twin.navigation.flight_filter`) balances forces with constants estimated under way.
+A glider hardly accelerates, so its accelerometer is an inclinometer. It lacks the errors that gyros
+add to an attitude filter; both have the accelerometer's bias. The flight features are the motion by
+the flight filter (`twin.navigation.flight_filter`), with constants estimated during the mission.
 
-Features are selected by names, groups and the sensors that there are. Those of one mission make a
+Features are selected by names, groups and available sensors. The features of a mission form a
 matrix.
 """
 
@@ -191,14 +191,14 @@ INPUT_SETS: dict[str, tuple[str, ...]] = {
         *("shift", "pump"),
     ),
 }
-"""Inputs by name. `full` needs gyroscopes and accelerometers; `glider` is what every glider's log
-has. With `glide_speed`, the kinematic speed of the depth rate, ten hours of missions train a surge
-network a hundred times better than without."""
+"""Inputs by name. `full` needs gyroscopes and accelerometers; every glider's log has `glider`. With
+`glide_speed`, the kinematic speed from the depth rate, ten hours of missions train a surge network
+to a hundredth of the error without."""
 
 DEFAULT_GROUPS = INPUT_SETS["full"]
 """Groups of the default inputs."""
 FLIGHT = "flight"
-"""Group that joins the set `full` where a glider's store has what the flight filter reads."""
+"""Group added to the set `full` if a glider's store has all channels of the flight filter."""
 
 SENSORS: dict[str, tuple[str, ...]] = {
     "imu": (*(f"measured_{axis}_rate" for axis in ("roll", "pitch", "yaw")), *FORCES),
@@ -207,7 +207,7 @@ SENSORS: dict[str, tuple[str, ...]] = {
         f"{kind}_{name}" for kind in ("measured", "commanded") for name in GLIDER_PARTS
     ),
 }
-"""Channels of what a vehicle may lack; a mask of such a name takes out all that reads one."""
+"""Channels of sensors that a vehicle may lack; a mask of that name removes all their features."""
 
 
 def groups() -> dict[str, tuple[str, ...]]:
@@ -219,7 +219,7 @@ def groups() -> dict[str, tuple[str, ...]]:
 
 
 def features_of(sensor: str, features: Iterable[str] | None = None) -> tuple[str, ...]:
-    """Features among `features` that read a sensor of `SENSORS`, by its name."""
+    """Features among `features` that read a sensor of `SENSORS`, given by name."""
     channels = set(SENSORS[sensor])
     return tuple(
         name
@@ -230,7 +230,7 @@ def features_of(sensor: str, features: Iterable[str] | None = None) -> tuple[str
 
 
 def features_for(parts: Sequence[str]) -> dict[str, Feature]:
-    """Every feature that a vehicle with these parts has, by name in the order of networks."""
+    """All features of a vehicle with these parts, by name in the order of networks."""
     lacking = {name for name in GLIDER_PARTS if name not in parts}
     gone = {f"{kind}_{name}" for kind in PART_GROUPS for name in lacking}
     found = {name: f for name, f in FEATURES.items() if not gone & set(sources(f.channels))}
@@ -246,9 +246,9 @@ def select_features(
     without: Iterable[str] = (),
     parts: Sequence[str] = GLIDER_PARTS,
 ) -> tuple[str, ...]:
-    """Names of features from names of features or groups, in the table's order.
+    """Select features by names of features or groups, in the table's order.
 
-    A group holds what the vehicle has of it: `controls` are the readings of its parts.
+    A group holds the features that the vehicle has: `controls` are the readings of its parts.
 
     Args:
       chosen: features, groups and `imu` to use.
@@ -288,14 +288,14 @@ def select_features(
 def mirror_signs(
     features: Iterable[str], parts: Mapping[str, float | None] | None = None
 ) -> NDArray[np.float32]:
-    """-1 for features that the mirror port to starboard turns round, 1 for the others.
+    """Signs under the mirror port to starboard: -1 for features that change sign, else 1.
 
     Args:
-      parts: what the mirror makes of the position of each part of the vehicle: 1, -1, or None for
-        one whose mirror image the vehicle has not.
+      parts: factor of the mirror on each part's position: 1, -1, or None for a part without a
+        mirror image.
 
     Raises:
-      InputError: a part's mirror image is not known.
+      InputError: a part's mirror image is unknown.
     """
     signs = []
     for name in features:
@@ -313,7 +313,7 @@ def mirror_signs(
 
 
 def leave_out(channels: Iterable[str]) -> str:
-    """Advice on networks that read none of these channels; empty where none reads one."""
+    """Advice to train without these channels, for errors; empty if no feature reads any."""
     lost = set(channels)
     readers = [f.name for f in FEATURES.values() if lost & set(sources(f.channels))]
     readers += sorted(filter(is_part_channel, lost - {CTD}))
@@ -325,7 +325,7 @@ def leave_out(channels: Iterable[str]) -> str:
 def feature_matrix(
     signals: Channels, features: Sequence[str], period: float, mission: int
 ) -> NDArray[np.float32]:
-    """Features (time, features) of one mission, in their own units.
+    """Compute the features (time, features) of one mission, in their own units.
 
     Raises:
       StoreError: a channel is missing or holds a value that is not finite; the mission, the

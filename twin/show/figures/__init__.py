@@ -1,7 +1,7 @@
-"""Plots of trajectories: functions that return a matplotlib Figure, all in one style.
+"""Figures of trajectories: functions that return a matplotlib Figure, all in one style.
 
-Nothing here uses pyplot: save a figure with `figure.savefig(path)`, or show it in a notebook. Each
-figure is imported when it is first used; `registry` adds one of one's own.
+No figure uses pyplot: save one with `figure.savefig(path)`, or show it in a notebook. Each figure
+is imported when it is first used; `register` adds a figure of your own.
 """
 
 from typing import TYPE_CHECKING

@@ -1,7 +1,7 @@
-"""Registry: the figures of a mission by name; `register` adds one's own.
+"""Base of the figures: type and registry; `register` adds a figure of your own.
 
-A figure is one file with one function that takes a trajectory and returns a matplotlib Figure, and
-one `FigureKind` that says its name and what it shows.
+The file of a figure has a function that takes a trajectory and returns a matplotlib Figure, and a
+`FigureKind` with the figure's name and summary.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ LOG, OVERVIEW = "log", "overview"
 
 @dataclasses.dataclass(frozen=True)
 class FigureKind:
-    """One figure of a mission."""
+    """One type of figure of a mission."""
 
     name: str
-    """what the command line calls it; its file is NAME.png"""
+    """name on the command line; the figure's file is NAME.png"""
     summary: str
-    """what it shows, for tables and help"""
+    """content of the figure, for tables and help"""
     draw: Callable[..., Figure]
-    """of a Trajectory, with keyword options that have defaults"""
+    """function of a Trajectory, with keyword options that have defaults"""
     takes_tracks: bool = False
-    """whether `draw` has the option `tracks`: dead-reckoned tracks beside the true one"""
+    """True if `draw` has the option `tracks`: dead-reckoned tracks beside the true track"""
 
     def flaw(self, name: str) -> str:
-        """A flaw of the kind as a clause; empty where there is none."""
+        """Defect of the figure type as a clause; empty where there is none."""
         if not callable(self.draw):
             return "`draw` must be a function of a trajectory that returns a Figure"
         first, *options = inspect.signature(self.draw).parameters.values()
@@ -49,10 +49,10 @@ class FigureKind:
 
 
 FIGURES: Registry[FigureKind] = seams.FIGURES
-"""Every figure by the name that the command line uses."""
+"""Figures by their names on the command line."""
 
 register = FIGURES.add
-"""Add a figure of one's own."""
+"""Add a figure of your own."""
 
 
 def figure_names() -> tuple[str, ...]:
@@ -61,20 +61,20 @@ def figure_names() -> tuple[str, ...]:
 
 
 def suited(trajectory: Trajectory, name: str) -> FigureKind:
-    """The figure of that name; `log` for the overview of a mission whose motion is not known."""
+    """Return the figure type of a name; the overview becomes `log` if the motion is unknown."""
     known = "true_depth" in trajectory and "true_surge" in trajectory
     return FIGURES[LOG if name == OVERVIEW and not known else name]
 
 
 def figure(trajectory: Trajectory, name: str = OVERVIEW, **options: Any) -> Figure:
-    """A figure of one mission; `overview` of a mission whose motion is not known is `log`.
+    """Draw a figure of one mission; the overview becomes `log` if the motion is unknown.
 
     Args:
       name: one of `figure_names()`.
-      options: of that figure, such as tracks=[...] or colour="pitch".
+      options: options of that figure, such as tracks=[...] or colour="pitch".
 
     Raises:
-      UnknownName: no such figure or option. InputError: the trajectory lacks what it shows.
+      UnknownName: no such figure or option. InputError: the trajectory lacks a needed signal.
     """
     kind = suited(trajectory, name)
     name = kind.name
@@ -93,7 +93,7 @@ def figure(trajectory: Trajectory, name: str = OVERVIEW, **options: Any) -> Figu
 
 
 def table() -> str:
-    """The shipped figures as a markdown table, as docs/howto/render.md shows it."""
+    """Make the markdown table of the shipped figures for docs/howto/render.md."""
     rows = ["| `--figure` | shows |", "|---|---|"]
     rows += [f"| `{name}` | {FIGURES[name].summary} |" for name in FIGURES.shipped()]
     return "\n".join(rows) + "\n"

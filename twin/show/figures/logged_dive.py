@@ -1,4 +1,4 @@
-"""Logged dive: what a vehicle at sea measured in one dive, for stores without simulated truth."""
+"""Figure of a logged dive: measured signals of one dive, for stores without simulated truth."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from twin.show.figures.base import FigureKind
 
 Array = NDArray[np.float64]
 GAP_COLOUR = "#F3E3B5"
-"""Behind every panel where the log has no sample and values are straight lines"""
-DEPTH_HEIGHT = 1.7  # [in] of the panel that spans the page
+"""Background colour of gaps: the log has no sample, and values are interpolated linearly"""
+DEPTH_HEIGHT = 1.7  # [in] height of the panel that spans the page
 RATE_WINDOW = 20.0
-"""[s] over which the vertical speed is taken: pressure steps vanish, inflections stay"""
+"""[s] Window of the vertical velocity: pressure steps vanish, inflections stay"""
 UNDER_WATER = 2.0
-"""[m] Shallower a vehicle rolls and pitches in the waves, which no axis should show in full."""
+"""[m] Least depth of the samples that set the axes; above it waves roll and pitch the vehicle."""
 SHOWN, MARGIN = (0.3, 99.7), 0.08
-"""Percentiles under water that the axes cover, and part of their range beyond it"""
-LOG, TWIN = "log", "twin"  # what lines are called where both are drawn
+"""Percentiles of the samples under water that an axis covers, and its margin over that range"""
+LOG, TWIN = "log", "twin"  # labels of the lines where both are drawn
 
 
 class Panel(NamedTuple):
-    """One panel: a signal, its command where there is one, and how it is shown."""
+    """One panel: a signal, drawn with its command where there is one, and the look of its axis."""
 
     signal: str
     title: str
     unit: str
     least: float = 0.0
-    """Span that the axis has at least, so that noise stays small; in the shown unit."""
+    """Least span of the axis, in the shown unit, so that noise stays small."""
     factor: float = 1.0
     circular: bool = False
 
@@ -53,25 +53,25 @@ PANELS = (
     Panel("measured_density", "density", "[kg/m³]", 0.5),
     Panel("true_speed", "speed through the water (DVL or ADCP)", "[m/s]", 0.1),
 )
-"""In order of importance; those without a value are left out."""
+"""Panels in order of importance; panels without a value are left out."""
 PHASE_COLOURS = {
     0.0: ("surface", style.GUIDE),
     1.0: ("descent", style.PALETTE["blue"]),
     2.0: ("climb", style.PALETTE["vermillion"]),
     3.0: ("inflection or level", style.PALETTE["black"]),
 }
-"""Flag of `measured_phase`: name and colour."""
+"""Name and colour of each flag of `measured_phase`."""
 
 
 def log_figure(trajectory: Trajectory, beside: Trajectory | None = None) -> Figure:
-    """Depth by phase over the page; below it vertical speed and all that the log has, in pairs.
+    """Depth by phase over the page; below it vertical velocity and all logged signals, in pairs.
 
-    Where the log has gaps every panel is shaded. Axes cover what happens under water.
+    Gaps of the log are shaded in every panel. Axes cover the samples under water.
 
     Args:
       trajectory: the log.
-      beside: a flight of the twin to draw over it, its signals under the log's names (measured_*)
-        and its time on the log's clock.
+      beside: a flight of the twin to draw over the log; its signals have the log's names
+        (measured_*), and its time is on the log's clock.
     """
     both = [trajectory] if beside is None else [trajectory, beside]
     shown = [
@@ -108,7 +108,7 @@ def log_figure(trajectory: Trajectory, beside: Trajectory | None = None) -> Figu
 
 
 def _other_parts(trajectory: Trajectory) -> list[Panel]:
-    """A panel for each part of the vehicle, measured and commanded, that PANELS does not know."""
+    """Panels for the vehicle's parts that are measured and commanded but missing from PANELS."""
     known = {panel.signal for panel in PANELS} | {"measured_depth"}
     found = [
         variable(name)
@@ -124,18 +124,18 @@ def _other_parts(trajectory: Trajectory) -> list[Panel]:
 
 
 def has_values(trajectory: Trajectory, name: str) -> bool:
-    """Whether the dive has any value of a signal."""
+    """Return True if the dive has any value of a signal."""
     values = trajectory.signals.get(name)
     return values is not None and bool(np.isfinite(values).any())
 
 
 def robust_limits(values: Array, depth: Array, least: float) -> tuple[float, float] | None:
-    """Range of an axis that shows what happens under water; None without a value.
+    """Range of an axis that covers the samples under water; None without a value.
 
     Args:
-      values: (time,), in the shown unit.
-      depth: [m], (time,).
-      least: span that the range has at least.
+      values: samples in the shown unit, (time,).
+      depth: [m] depth of the samples, (time,).
+      least: least span of the range.
     """
     finite = np.isfinite(values)
     under = finite & (depth > UNDER_WATER)
@@ -172,7 +172,7 @@ def _draw(axes: Axes, trajectory: Trajectory, panel: Panel, beside: Trajectory |
         _draw_beside(axes, trajectory, beside, values)
     if panel.circular:
         style.pad_limits(axes, least=panel.least)
-    else:  # what happens under water in the log and in the twin's flight
+    else:  # cover the samples under water of the log and of the twin's flight
         limits = [
             robust_limits(panel.factor * one[panel.signal], one["measured_depth"], panel.least)
             for one in (trajectory, beside)
@@ -187,14 +187,14 @@ def _draw(axes: Axes, trajectory: Trajectory, panel: Panel, beside: Trajectory |
 
 
 def _draw_beside(axes: Axes, log: Trajectory, beside: Trajectory, values: Array) -> None:
-    """A line of the twin's over the log's, on the log's scale of time."""
+    """Draw the twin's line over the log's, on the log's time scale."""
     seconds, _ = style.time_unit(log.time)
     time, shown = style.thin(beside.time, values)
     axes.plot(time / seconds, shown, color=style.ESTIMATE, lw=1.0, label=TWIN, zorder=2.5)
 
 
 def _vertical_speed(axes: Axes, trajectory: Trajectory, beside: Trajectory | None) -> None:
-    """Rate of the measured depth, positive down, over a moving window."""
+    """Draw the rate of the measured depth, positive down, over a moving window."""
     time, seconds, _ = signals.thinned_time(trajectory)
     (shown,) = style.thin(100.0 * _depth_rate(trajectory))
     axes.plot(time / seconds, shown, color=style.TRUTH, label=LOG)
@@ -208,7 +208,7 @@ def _vertical_speed(axes: Axes, trajectory: Trajectory, beside: Trajectory | Non
 
 
 def _depth_rate(trajectory: Trajectory) -> Array:
-    """[m/s] over RATE_WINDOW, (time,); NaN at the ends."""
+    """[m/s] Rate of the measured depth over RATE_WINDOW, (time,); NaN at the ends."""
     depth = trajectory["measured_depth"]
     period = float(np.median(np.diff(trajectory.time))) if len(depth) > 1 else 1.0
     half = max(1, round(0.5 * RATE_WINDOW / period))

@@ -1,4 +1,4 @@
-"""Map: where on Earth a mission went: coordinates, coast, fixes, track and currents with a key."""
+"""Map of a mission on Earth: coordinates, coast, fixes, track and currents, with a key."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ SEA = "#F4F8FB"
 TRUE = "true track"  # name of the track of a simulated mission
 SIZE, SHAPE = (5.4, 3.8), 1.05  # [in] of the figure; width over height of the map
 UNDER_WATER = 3.0
-"""[m] that a vehicle passes between two fixes of a dive; shallower it hangs at the surface"""
-STRETCHES = 12  # equal parts of a mission without fixes whose mean currents are drawn
-LONGEST_ARROW = 0.45  # [in] of a strong current's arrow: the 90th percentile
+"""[m] Depth that a dive between two fixes must exceed; else the vehicle stayed at the surface"""
+STRETCHES = 12  # number of equal parts, each with a mean current, of a mission without fixes
+LONGEST_ARROW = 0.45  # [in] length of the arrow of the 90th percentile of speed
 ROUND_SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
-"""[m/s] lengths that the key of the arrows may have"""
+"""[m/s] Speeds among which the key's arrow is chosen"""
 ARROW: dict[str, Any] = {"angles": "uv", "scale_units": "inches", "width": 0.011, "units": "inches"}
 LOCATOR, LOCATOR_LEAST, LOCATOR_MOST = 16.0, 8.0, 90.0
-"""Times the map's span that the small map beside it shows at least, and [degree of latitude] that
-it shows at least, and at most where no coast is nearer"""
-LETTERS = 24  # letters of a line in the key
+"""Height of the small locator map: least ratio to the map's height, least [degree of latitude], and
+most [degree of latitude], to which it grows until a coast is in view"""
+LETTERS = 24  # characters of a line in the key
 LOCATOR_ID, KEY_ID = "locator", "key"  # names of the axes beside a map, whose numbers need no unit
 
 
 class Currents(NamedTuple):
-    """Currents at some places, each (n,)."""
+    """Horizontal currents at some places, each field of shape (n,)."""
 
     latitude: Array
     longitude: Array
@@ -57,7 +57,7 @@ class MapContent(NamedTuple):
     """Content of a map; positions in degrees."""
 
     tracks: tuple[tuple[Array, Array], ...]
-    """Latitude and longitude of each track, each (time,)"""
+    """Latitude and longitude of the tracks, arrays of shape (time,)"""
     name: str
     """Name of the tracks"""
     fixes: tuple[Array, Array] | None = None
@@ -66,7 +66,7 @@ class MapContent(NamedTuple):
 
 
 def map_figure(trajectory: Trajectory) -> Figure:
-    """A mission on the map, with the mean current of each dive or stretch.
+    """Draw a mission on the map, with the mean current of each dive or stretch.
 
     Raises:
       InputError: the mission has no place on Earth.
@@ -75,14 +75,14 @@ def map_figure(trajectory: Trajectory) -> Figure:
 
 
 def content_of(trajectory: Trajectory) -> MapContent:
-    """Content of a trajectory's map; raises InputError without a place on Earth."""
+    """Content of a trajectory's map; raise InputError without a place on Earth."""
     try:
         latitude, longitude = trajectory.geographic_position()
     except InputError as error:
         raise InputError(f"{error}; the track figure draws it in metres") from error
     longitude = joined(longitude)
     fixed, fixes = fix_samples(trajectory), None
-    if len(fixed):  # beside the track by as much as the fix is: the same plane to first order
+    if len(fixed):  # shift the track's position by the fix's offset [m]: exact to first order
         scale = np.radians(1.0) * 6_371_000.0
         north, east = (
             trajectory[f"measured_gps_{name}"][fixed] - trajectory[f"true_{name}"][fixed]
@@ -101,7 +101,7 @@ def content_of(trajectory: Trajectory) -> MapContent:
 
 
 def joined(longitude: Array) -> Array:
-    """Longitudes [degree] without the jump at 180."""
+    """Longitudes [degree] unwrapped, without the jump at 180."""
     turned = np.array(longitude, float)
     known = np.isfinite(turned)
     turned[known] = np.unwrap(turned[known], period=360.0)
@@ -109,7 +109,7 @@ def joined(longitude: Array) -> Array:
 
 
 def fix_samples(trajectory: Trajectory) -> NDArray[np.intp]:
-    """Samples at which a receiver told the position."""
+    """Indices of the samples that have a GPS position."""
     names = ("measured_gps_north", "measured_gps_east")
     if any(name not in trajectory for name in names):
         return np.zeros(0, np.intp)
@@ -119,7 +119,7 @@ def fix_samples(trajectory: Trajectory) -> NDArray[np.intp]:
 def mean_currents(
     trajectory: Trajectory, latitude: Array, longitude: Array
 ) -> tuple[Currents, ...]:
-    """The mean current of each dive between two fixes; of equal stretches without dives."""
+    """Mean current of each dive between two fixes, or of equal stretches if there is no dive."""
     if any(f"true_current_{name}" not in trajectory for name in ("north", "east")):
         return ()
     north, east = (trajectory[f"true_current_{name}"] for name in ("north", "east"))
@@ -150,7 +150,7 @@ def mean_currents(
 
 
 def draw_content(content: MapContent) -> Figure:
-    """The map beside a small one that says where on Earth it is, and the key.
+    """Draw the map, beside it a small locator map of the surroundings, and the key.
 
     Raises:
       InputError: no position is known.
@@ -176,7 +176,7 @@ def draw_content(content: MapContent) -> Figure:
 
 
 def draw_base(axes: Axes, box: ground.Box) -> None:
-    """Sea, land, graticule and scale bar of an empty map."""
+    """Draw sea, land, graticule and scale bar of an empty map."""
     axes.set_facecolor(SEA)
     ground.draw_land(axes, box)
     ground.draw_graticule(axes, box)
@@ -189,7 +189,7 @@ def draw_base(axes: Axes, box: ground.Box) -> None:
 
 
 def draw_tracks(axes: Axes, content: MapContent) -> None:
-    """Tracks, their ends and the fixes, with labels for a key."""
+    """Draw the tracks, their ends and the fixes, with labels for a key."""
     colour = style.TRUTH if content.name.startswith(TRUE) else style.ESTIMATE
     for index, (latitude, longitude) in enumerate(content.tracks):
         la, lo = style.thin(latitude, longitude)
@@ -204,14 +204,14 @@ def draw_tracks(axes: Axes, content: MapContent) -> None:
 
 
 def arrow_scale(currents: Sequence[Currents]) -> float:
-    """[m/s per inch] of arrows, the same for all currents of a map."""
+    """[m/s per inch] Scale of the arrows for all currents of a map."""
     speeds = np.concatenate([np.hypot(one.north, one.east) for one in currents])
     typical = float(np.percentile(speeds, 90)) if speeds.size else 0.0
     return max(typical, ROUND_SPEEDS[0]) / LONGEST_ARROW
 
 
 def draw_arrows(axes: Axes, one: Currents, scale: float) -> None:
-    """Arrows of currents on a map."""
+    """Draw the arrows of currents on a map."""
     arrows = axes.quiver(
         one.longitude, one.latitude, one.east, one.north, color=one.colour, scale=scale, zorder=3.5,
         **ARROW,
@@ -220,7 +220,7 @@ def draw_arrows(axes: Axes, one: Currents, scale: float) -> None:
 
 
 def draw_locator(axes: Axes, box: ground.Box) -> None:
-    """A small map of the wider surroundings, with the place of the large one."""
+    """Draw a small map of the surroundings, with the box of the large map."""
     west, east, south, north = box
     middle = 0.5 * (south + north), 0.5 * (west + east)
     tall = max(LOCATOR * (north - south), LOCATOR_LEAST)
@@ -241,7 +241,7 @@ def draw_locator(axes: Axes, box: ground.Box) -> None:
 
 
 def _around(middle: tuple[float, float], tall: float) -> ground.Box:
-    """A square box so high [degree] about a place (latitude, longitude)."""
+    """Square box of height `tall` [degree of latitude] about a place (latitude, longitude)."""
     half = 0.5 * min(tall, LOCATOR_MOST)
     low, high = max(middle[0] - half, -89.5), min(middle[0] + half, 89.5)
     wide = min(half / ground.cosine(middle[0]), 180.0)
@@ -251,10 +251,10 @@ def _around(middle: tuple[float, float], tall: float) -> ground.Box:
 def draw_key(
     axes: Axes, map_axes: Axes, arrows: Sequence[tuple[Currents, float]], heading: str = ""
 ) -> None:
-    """Names of lines and marks of a map, and an arrow of a round speed for each kind of current.
+    """Draw the key: names of lines and marks, and an arrow of a round speed for each current.
 
     Args:
-      heading: what all the currents are; then each has its name beside its arrow, else below it.
+      heading: common title of the currents; with it names stand beside the arrows, else below.
     """
     axes.set_axis_off()
     axes.set_gid(KEY_ID)

@@ -1,7 +1,7 @@
-"""Ground of a map: the world's coarse coast, and axes in degrees and minutes as charts write them.
+"""Map ground: the world's coarse coast, graticule in degrees and minutes, and scale bar.
 
-The land is polygons of longitude and latitude that ship with the package: Natural Earth 1:50m,
-public domain; see `coast.md` beside this file.
+The coast consists of polygons of longitude and latitude that ship with the package: Natural Earth
+1:50m, public domain; see `coast.md` beside this file.
 """
 
 from __future__ import annotations
@@ -26,29 +26,29 @@ Array = NDArray[np.float64]
 
 LAND = "#E8E2D0"
 SHORE = "#8C8570"
-COAST_NOTE = "coast: Natural Earth 1:50m, coarse"  # what a map with land says of it
+COAST_NOTE = "coast: Natural Earth 1:50m, coarse"  # note on a map with land
 NEIGHBOURS = (-360.0, 0.0, 360.0)
-"""[degree] by which the world is repeated, for maps across the date line"""
+"""[degree] Shifts at which the world is repeated, for maps across the date line"""
 STEPS = (
     *(0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0),
     *(60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 3600.0),
 )
-"""[minute] between lines"""
-MOST_LINES = 5  # of one direction: more labels would touch
-EDGE = 0.06  # of a span, at either end, that has no line: its label would reach beyond the map
-LEAST_SPAN = 0.004  # [degree of latitude] of a map at least: half a kilometre
-MARGIN = 0.17  # of the larger span, on every side
+"""[minute] Steps between grid lines"""
+MOST_LINES = 5  # most grid lines of one direction: more labels would touch
+EDGE = 0.06  # fraction of a span without lines at either end, where labels would leave the map
+LEAST_SPAN = 0.004  # [degree of latitude] least height of a map: half a kilometre
+MARGIN = 0.17  # margin on every side over the larger span
 BARS = (*(m * 10**k for k in range(6) for m in (1, 2, 5)), 1_000_000)
-"""[m] lengths that a scale bar may have"""
-BAR_SHARE = 0.3  # of the map's width that a scale bar has at most
+"""[m] Lengths that a scale bar may have"""
+BAR_SHARE = 0.3  # largest length of a scale bar over the map's width
 
 
 @functools.cache
 def rings() -> tuple[Array, ...]:
-    """The closed rings of the land, each (points, 2): longitude, latitude [degree].
+    """Closed rings of the land, each (points, 2): longitude, latitude [degree].
 
-    Holes in the land run the other way round. Land across the date line goes on beyond 180 degree;
-    Antarctica is closed along the pole.
+    Rings of lakes run in the opposite direction. Land across the date line continues beyond 180
+    degree; Antarctica is closed along the pole.
     """
     with resources.files(__package__).joinpath("coast.npz").open("rb") as file:
         stored = np.load(file)
@@ -70,7 +70,7 @@ def rings() -> tuple[Array, ...]:
 
 
 def land_within(west: float, east: float, south: float, north: float) -> list[Array]:
-    """The rings that reach into a box [degree], moved by whole turns to where the box is."""
+    """Rings whose bounding box meets a box [degree], shifted by 360 degree where needed."""
     return [
         ring + np.array([turn, 0.0])
         for ring in rings()
@@ -81,14 +81,14 @@ def land_within(west: float, east: float, south: float, north: float) -> list[Ar
 
 
 def coast_within(west: float, east: float, south: float, north: float) -> bool:
-    """Whether a box [degree] holds a point of a coast."""
+    """Return True if a box [degree] contains a point of a coast."""
     low, high = (west, south), (east, north)
     rings = land_within(west, east, south, north)
     return any(((ring > low) & (ring < high)).all(axis=1).any() for ring in rings)
 
 
 def land_in_view(west: float, east: float, south: float, north: float) -> bool:
-    """Whether land reaches into a box [degree], and not only the box around that land."""
+    """Return True if land itself, not only its bounding box, reaches into a box [degree]."""
     box = Bbox.from_extents(west, south, east, north)
     return any(
         Path(ring, closed=True).intersects_bbox(box)
@@ -113,10 +113,10 @@ Box = tuple[float, float, float, float]
 
 
 def box_around(latitude: Array, longitude: Array, shape: float = 1.0) -> Box:
-    """A box around points [degree] with room about them.
+    """Box around points [degree] with a margin.
 
     Args:
-      latitude, longitude: of the points; longitudes must not jump by a turn.
+      latitude, longitude: positions of the points; longitudes must not jump by 360 degree.
       shape: width over height of the map [m/m].
     """
     south, north = float(np.nanmin(latitude)), float(np.nanmax(latitude))
@@ -130,18 +130,18 @@ def box_around(latitude: Array, longitude: Array, shape: float = 1.0) -> Box:
 
 
 def cosine(latitude: float) -> float:
-    """Degrees of latitude that a degree of longitude is as long as, at a latitude [degree]."""
+    """Length of a degree of longitude over that of a degree of latitude, at a latitude [degree]."""
     ratio = normal_radius(latitude) / meridian_radius(latitude)
     return max(ratio * math.cos(math.radians(latitude)), 0.02)
 
 
 def draw_graticule(axes: Axes, box: Box, *, lines: int = MOST_LINES) -> None:
-    """Limits, shape and lines of a map of a box, with labels in degrees and minutes."""
+    """Set limits and aspect of a map, and draw its lines with labels in degrees and minutes."""
     west, east, south, north = box
     axes.set_xlim(west, east)
     axes.set_ylim(south, north)
     shrink = cosine(0.5 * (south + north))
-    axes.set_aspect(1.0 / shrink, anchor="N")  # the layout leaves its room below, for the label
+    axes.set_aspect(1.0 / shrink, anchor="N")  # free space goes below the map, for the label
     shape = shrink * (east - west) / (north - south)
     for axis, low, high, name, most in (
         (axes.xaxis, west, east, longitude_text, max(2, min(lines, round(lines * shape)))),
@@ -164,17 +164,17 @@ def draw_graticule(axes: Axes, box: Box, *, lines: int = MOST_LINES) -> None:
 
 
 def line_step(span: float, most: int) -> float:
-    """[minute] between lines of a span [degree], so that at most `most` fit."""
+    """[minute] Step between lines, so that a span [degree] has at most `most` lines."""
     return next((step for step in STEPS if 60.0 * span / step <= most), STEPS[-1])
 
 
 def latitude_text(value: float, step: float = 1.0) -> str:
-    """A latitude [degree] as charts write it, to the parts of a minute that `step` [minute] has."""
+    """Text of a latitude [degree] as on charts, with the decimals of `step` [minute]."""
     return _text(abs(value), step) + ("" if abs(value) < 1e-9 else "N" if value > 0.0 else "S")
 
 
 def longitude_text(value: float, step: float = 1.0) -> str:
-    """A longitude [degree] likewise, between 180 W and 180 E."""
+    """Text of a longitude [degree] as on charts, between 180 W and 180 E; `step` in minutes."""
     turned = (value + 180.0) % 360.0 - 180.0
     half = abs(turned) < 1e-9 or abs(abs(turned) - 180.0) < 1e-9
     return _text(abs(turned), step) + ("" if half else "E" if turned > 0.0 else "W")
@@ -190,7 +190,7 @@ def _text(value: float, step: float) -> str:
 
 
 def draw_scale_bar(axes: Axes, box: Box) -> float:
-    """A bar of round length in the lower left corner; its length [m]."""
+    """Draw a bar of round length in the lower left corner; return its length [m]."""
     west, east, south, north = box
     middle = 0.5 * (south + north)
     metres = math.radians(1.0) * normal_radius(middle) * math.cos(math.radians(middle))

@@ -1,6 +1,6 @@
-"""Page layout: one HTML file with all its figures inside, which opens anywhere without a network.
+"""Page layout: reports as one HTML file with embedded figures, which opens without a network.
 
-Captions name the mission and the store that a figure shows.
+Functions for captions of figures name the mission and the store.
 """
 
 from __future__ import annotations
@@ -37,22 +37,22 @@ from twin.records.storage.whole import check_folder_target, whole_folder
 
 DPI = 200
 INDEX, PICTURE = "index.html", ".png"
-SHORT = 16  # letters of a cell of words that stay on one line
+SHORT = 16  # most characters of a text cell that stays on one line
 LETTERS_PER_INCH, LINE_HEIGHT, FONT_SIZE = 13.0, 0.16, 7.5
-"""At the caption's size, with room to spare; [in]; and [point]"""
-MINUTES = "%Y-%m-%d %H:%M"  # how figures write a moment
+"""Captions: characters per inch (a low estimate), line height [in] and font size [point]"""
+MINUTES = "%Y-%m-%d %H:%M"  # format of a date and time in figures
 
 
 class Page:
-    """Collects a page block by block; each figure is embedded and written as PNG beside it.
+    """Builder of a page, block by block; each figure is embedded, and written as PNG beside it.
 
-    The folder appears, or takes the place of an earlier page, when the page is written.
+    Writing the page creates the folder, or replaces an earlier page.
 
     Args:
       beside: names of other files that such a page has in its folder, see `attach`.
 
     Raises:
-      WriteError: something that is no page is in the way.
+      WriteError: the folder holds something other than a page.
     """
 
     def __init__(self, folder: Path, title: str, lead: str, *, beside: Sequence[str] = ()) -> None:
@@ -66,28 +66,28 @@ class Page:
         self._add('<h1>{}</h1>\n<p class="lead">{}</p>', title, lead)
 
     def section(self, title: str) -> None:
-        """A heading."""
+        """Add a heading."""
         self._add("<h2>{}</h2>", title)
 
     def say(self, text: str) -> None:
-        """A paragraph."""
+        """Add a paragraph."""
         self._add("<p>{}</p>", _words(text))
 
     def points(self, texts: Sequence[str]) -> None:
-        """A list of sentences."""
+        """Add a list of sentences."""
         self._add("<ul>{}</ul>", _each("<li>{}</li>", ((_words(text),) for text in texts)))
 
     def numbers(self, figures: Mapping[str, str]) -> None:
-        """The few figures that matter, large."""
+        """Add the few most important numbers in large type."""
         cells = _each("<div><dt>{}</dt><dd>{}</dd></div>", figures.items())
         self._add('<dl class="figures">{}</dl>', cells)
 
     def facts(self, facts: Mapping[str, object]) -> None:
-        """Names and values as text."""
+        """Add names and values as text."""
         self._add('<dl class="facts">{}</dl>', _each("<dt>{}</dt><dd>{}</dd>", facts.items()))
 
     def details(self, summary: str, facts: Mapping[str, object], *, shown: bool = False) -> None:
-        """A line that opens to show facts, or is open."""
+        """Add a line that opens to show facts; with `shown` it is open at first."""
         self._add(f"<details{' open' if shown else ''}><summary>{{}}</summary>", summary)
         self.facts(facts)
         self._add("</details>")
@@ -95,7 +95,7 @@ class Page:
     def table(
         self, rows: Sequence[Mapping[str, object]], caption: str = "", *, first: bool = True
     ) -> None:
-        """Rows with one column per key; with `first` the first row stands out."""
+        """Add a table with one column per key; with `first` the first row is emphasised."""
         columns = list(dict.fromkeys(key for row in rows for key in row))
         lines = [columns, *([format_number(row.get(name), 3) for name in columns] for row in rows)]
         words = [_is_words(column[1:]) for column in zip(*lines, strict=True)]
@@ -111,27 +111,27 @@ class Page:
         self._add('{}<div class="scroll"><table>{}</table></div>', note, table)
 
     def figure(self, name: str, drawn: Figure, caption: str) -> None:
-        """A figure with what it shows."""
+        """Add a figure with its caption."""
         self._body.append(self._figure(name, drawn, caption))
 
     def pair(self, figures: Sequence[tuple[str, Figure, str]]) -> None:
-        """Figures side by side where the window is wide enough."""
+        """Add figures side by side where the window is wide enough."""
         self._add('<div class="pair">{}</div>', Markup("").join(self._figure(*f) for f in figures))
 
     def picture(self, name: str, drawn: Figure) -> None:
-        """A PNG beside the page that the page itself does not show."""
+        """Add a PNG beside the page that the page itself does not show."""
         self._figure(name, drawn, "")
 
     def code(self, text: str) -> None:
-        """Text as it is."""
+        """Add text verbatim, such as a command."""
         self._add("<pre>{}</pre>", text)
 
     def attach(self, name: str, text: str) -> None:
-        """A file beside the page, of a name that the page was made with."""
+        """Add a file beside the page; its name must be one of `beside`."""
         self._attached[name] = printable(text)
 
     def write(self) -> Path:
-        """Write `index.html`, the figures and what is attached.
+        """Write `index.html`, the figures and the attached files.
 
         Raises:
           WriteError: the disk refuses.
@@ -158,12 +158,12 @@ class Page:
 
 
 def html_page(title: str, body: str, *, style: str | None = None, head: str = "") -> str:
-    """One HTML document.
+    """Make one HTML document.
 
     Args:
-      body: HTML.
-      style: CSS in place of the reports'; sideways scrolling of `.scroll` is always there, in the
-        colours --ground and --shade.
+      body: HTML of the body.
+      style: CSS in place of that of reports; the style of horizontally scrolling `.scroll` is
+        always added, in the colours --ground and --shade.
       head: further HTML of the head.
     """
     style = (_file("page.css") if style is None else style) + _file("shade.css")
@@ -172,7 +172,7 @@ def html_page(title: str, body: str, *, style: str | None = None, head: str = ""
 
 
 def _html(form: str, *values: object) -> Markup:
-    """A piece of HTML with values, of which all that are no HTML are escaped."""
+    """Fill values into HTML; values that are no `Markup` are escaped."""
     return Markup(form).format(*(v if isinstance(v, Markup) else printable(str(v)) for v in values))
 
 
@@ -181,7 +181,7 @@ def _each(form: str, rows: Iterable[Sequence[object]]) -> Markup:
 
 
 def _words(text: str) -> Markup:
-    """Text whose parts in backticks are what somebody types."""
+    """Convert text to HTML; parts in backticks become code."""
     return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(printable(text)))))
 
 
@@ -190,30 +190,30 @@ def _file(name: str) -> str:
 
 
 def check_page_target(folder: Path) -> None:
-    """Refuse, before long work, a folder that a page cannot be written to.
+    """Check before long work that a page can be written to a folder.
 
     Raises:
-      WriteError: something that is no page is in the way.
+      WriteError: the folder holds something other than a page.
     """
     check_folder_target(folder, overwrite=True, ours=_is_page)
 
 
 def _is_page(folder: Path, beside: Sequence[str] = ()) -> bool:
-    """Whether a folder holds a page or what belongs beside one, and nothing else."""
+    """Return True if a folder holds a page and files that belong beside a page, nothing else."""
     names = {path.name for path in folder.iterdir()}
     others = {name for name in names if not name.endswith(PICTURE)}
     return not others.isdisjoint({INDEX, *beside}) and others <= {INDEX, LIST, *beside}
 
 
 def _is_words(cells: Sequence[str]) -> bool:
-    """Whether a column has words rather than numbers."""
+    """Return True if a column has more letters than digits."""
     letters, digits = (sum(map(kind, "".join(cells))) for kind in (str.isalpha, str.isdigit))
     return letters > digits
 
 
 def mission_caption(store: MissionStore, mission: int) -> str:
-    """One line that names a mission: of a log its vehicle, dive, time (UTC) and place; of a
-    simulation its store, preset and seed.
+    """Caption of one line that names a mission: for a log its deployment, dive, time (UTC) and
+    place; for a simulation its store, preset, seed, place and time.
     """
     if store.logged:
         return _logged(store, mission)
@@ -259,7 +259,7 @@ def _moment(unix: float) -> str:
 
 
 def missions_caption(store: MissionStore, missions: Sequence[int], vehicle: str | None) -> str:
-    """As `mission_caption`, of dives of a log, and whose flight model tells their velocities."""
+    """Caption of several dives of a log; `vehicle` is that of the flight model of velocities."""
     first, last = missions[0], missions[-1]
     text = mission_caption(store, first)
     if last != first:
@@ -273,7 +273,7 @@ def missions_caption(store: MissionStore, missions: Sequence[int], vehicle: str 
 
 
 def place(latitude: float, longitude: float) -> str:
-    """Latitude and longitude [degree] as people write them."""
+    """Text of a latitude and longitude [degree], such as 36.800°N 122.400°W."""
     north = "N" if latitude >= 0.0 else "S"
     turned = (longitude + 180.0) % 360.0 - 180.0
     east = "E" if turned >= 0.0 else "W"
@@ -281,7 +281,7 @@ def place(latitude: float, longitude: float) -> str:
 
 
 def add_caption(figure: Figure, text: str) -> None:
-    """Write a caption above everything, and make the figure that much higher."""
+    """Write a caption above a figure, and increase the figure's height by the caption's."""
     width, height = figure.get_size_inches()
     lines = textwrap.wrap(text, max(20, int(width * LETTERS_PER_INCH)))
     room = LINE_HEIGHT * len(lines) + 0.08
@@ -289,7 +289,7 @@ def add_caption(figure: Figure, text: str) -> None:
     kept = height / (height + room)
     engine = figure.get_layout_engine()
     if isinstance(engine, ConstrainedLayoutEngine):
-        rows = 0.0  # of legends, which the layout forgets as soon as they are moved
+        rows = 0.0  # height of the legends, for which the layout keeps no room once they are moved
         for legend in figure.legends:
             legend.set_bbox_to_anchor((0.0, 0.0, 1.0, kept), transform=figure.transFigure)
             rows = max(rows, legend.get_window_extent().height / figure.bbox.height)

@@ -1,6 +1,6 @@
-"""Sections and overview: a mission's depth against time, coloured by a signal; all on a page.
+"""Section (depth against time, coloured by a signal), overview page and transect of a mission.
 
-A transect is temperature and salinity, depth down, over the distance along the track.
+A transect is temperature and salinity against depth and distance along the track.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from twin.show.figures.water import draw_current, draw_sections, ocean_map, wate
 
 Array = NDArray[np.float64]
 FLOOR_IN_SIGHT = 1.5
-"""A sea floor within so many times the deepest point widens the axis to show it"""
+"""Largest extension of the depth axis, over the deepest point, to show the sea floor"""
 HEIGHTS, PANEL_HEIGHT = (1.9, 2.75), 0.87
-"""[in] of section and track in an overview, and of each signal below them"""
+"""[in] Heights of section and track in an overview, and of each signal below them"""
 LEGEND_COLUMNS = 4  # columns of the names of dead-reckoned tracks
 
 
 class Colour(NamedTuple):
-    """A quantity that can colour a section."""
+    """Quantity that can colour a section."""
 
     label: str
     unit: str
-    source: str  # the signal that says, in logs, what it is
+    source: str  # the signal whose attribute names the quantity's source in logs
     values: Callable[[Trajectory], Array]
 
 
@@ -57,7 +57,7 @@ COLOURS = {
 
 
 def section_figure(trajectory: Trajectory, colour: str = "speed") -> Figure:
-    """Depth against time, coloured by one of COLOURS.
+    """Draw depth against time, coloured by one of COLOURS.
 
     Raises:
       InputError: unknown `colour`.
@@ -87,11 +87,11 @@ def draw_section(axes: Axes, trajectory: Trajectory, colour: str = "speed") -> N
     )  # fmt: skip
     lines.set_capstyle("round")
     low, high = np.nanpercentile(values, [2, 98])
-    # Colours that would tell noise apart tell nothing: keep at least 1 % of the value as range.
+    # Colours must not resolve noise: keep a range of at least 1 % of the value.
     span = max(high - low, 0.01 * max(abs(high), abs(low)), 1e-6)
     middle = (low + high) / 2
     lines.set_clim(middle - span / 2, middle + span / 2)
-    if word:  # of a log some values may be unknown
+    if word:  # in a log some values may be unknown: draw the whole depth thin in grey
         axes.plot(time / seconds, depth, color=style.GUIDE, lw=0.6, zorder=1)
     axes.add_collection(lines)
     axes.set_xlim(time[0] / seconds, time[-1] / seconds)
@@ -111,10 +111,10 @@ FIGURE = FigureKind("section", "depth against time, coloured by speed", section_
 
 
 def transect_figure(trajectory: Trajectory) -> Figure:
-    """Temperature and salinity over the way along the track and depth.
+    """Draw temperature and salinity over distance along the track and depth.
 
     Raises:
-      InputError: the mission has neither.
+      InputError: the mission has no temperature and salinity.
     """
     distance = along_track(trajectory)
     metres, unit = style.length_unit(distance)
@@ -123,7 +123,7 @@ def transect_figure(trajectory: Trajectory) -> Figure:
 
 
 def along_track(trajectory: Trajectory) -> Array:
-    """Horizontal way over ground [m] up to each sample, (time,); straight over unknown samples."""
+    """[m] Horizontal distance over ground at each sample, (time,); linear over unknown samples."""
     place = np.stack([trajectory["true_north"], trajectory["true_east"]], axis=1)
     known = np.isfinite(place).all(axis=1)
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(place[known], axis=0).T))])
@@ -138,7 +138,7 @@ TRANSECT = FigureKind(
 
 
 def overview_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -> Figure:
-    """Depth section, track, current profile, attitude and actuators on one page."""
+    """Draw depth section, track, current profile, attitude and actuators on one page."""
     with style.styled():
         names = LEGEND_ROW * legend_rows(tracks, LEGEND_COLUMNS)
         panels = len(ATTITUDE) + len(trajectory.actuators)

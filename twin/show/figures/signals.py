@@ -1,8 +1,8 @@
-"""Signals against time: what figures share, and those of sensors, moving parts and velocities.
+"""Signals against time: shared helpers, and figures of sensors, moving parts and velocities.
 
-Sensors stand beside the truth, with the difference. Moving parts have command and position, with
-attitude and its setpoints. Velocities are surge, sway and heave through the water, and the speed
-over ground.
+The sensor figure has measured and true signals and their differences. The actuator figure has
+command and position of the parts, attitude and setpoints. The velocity figure has surge, sway and
+heave through the water, and the speed over ground.
 """
 
 from __future__ import annotations
@@ -26,28 +26,28 @@ from twin.show.figures.base import FigureKind
 
 Array = NDArray[np.float64]
 
-STACK_HEIGHT = 1.0  # [in] of one panel in a stack that shares its time axis
+STACK_HEIGHT = 1.0  # [in] height of one panel in a stack that shares its time axis
 HEADING_STEPS, MOST_TICKS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0), 4
-"""[degree] between ticks of a heading, and how many there are at most"""
+"""[degree] Steps between ticks of a heading, and most steps on an axis"""
 UNIT_TEXT = {
     "degree": "°", "m s-1": "m/s", "m s-2": "m/s²", "rad s-1": "rad/s", "cm3": "cm³",
     "kg m-3": "kg/m³", "degree_Celsius": "°C",
 }  # fmt: skip
-"""Units of the schema as figures write them."""
-WORDS = {"dvl": "DVL", "gps": "GPS", "onboard": "on-board"}  # words of signals as titles write them
+"""Units of the schema and their texts in figures."""
+WORDS = {"dvl": "DVL", "gps": "GPS", "onboard": "on-board"}  # words of signals and their titles
 DEFAULT = (
     *("pitch", "roll", "heading", "depth", "yaw_rate", "specific_force_x", "temperature"),
     *("dvl_surge", "onboard_north", "onboard_east"),
 )
-"""Signals shown when none are named, those that the trajectory has."""
-MOST_SHOWN = 6  # signals shown where the trajectory has none of these
+"""Signals shown by default, if the trajectory has them."""
+MOST_SHOWN = 6  # most signals shown where the trajectory has no signal of DEFAULT
 ABOVE_TITLE = 1.2
-"""Share of the first axes' height: in a narrow figure the legend goes above the title"""
+"""Lower edge of the legend over the first axes' height, above the title of a narrow figure"""
 ATTITUDE = ("pitch", "heading")
 
 
 def stack(panels: int, *, height: float) -> tuple[Figure, list[Axes]]:
-    """A column of panels that share the time axis; call it inside `style.styled()`."""
+    """Make a column of panels that share the time axis; call this inside `style.styled()`."""
     figure = style.new_figure(height=0.45 + height * panels)
     return figure, list(figure.subplots(panels, 1, sharex=True, squeeze=False)[:, 0])
 
@@ -60,7 +60,7 @@ def draw_lines(
     factor: float = 1.0,
     unwrap: bool = False,
 ) -> None:
-    """Signals against time: `entries` are (signal name, label, colour); setpoints are dashed."""
+    """Draw signals against time: `entries` are (signal, label, colour); commands are dashed."""
     time, seconds, _ = thinned_time(trajectory)
     centre = circular_mean(trajectory[entries[-1][0]]) if unwrap else 0.0
     for name, label, colour in entries:
@@ -79,7 +79,7 @@ def draw_lines(
 
 
 def circular_mean(heading: Array) -> float:
-    """Mean direction [degree] of the finite values; 0 without any."""
+    """[degree] Mean direction of the finite values; 0 without any."""
     finite = np.radians(heading[np.isfinite(heading)])
     if not finite.size:
         return 0.0
@@ -87,9 +87,9 @@ def circular_mean(heading: Array) -> float:
 
 
 def centred_line(heading: Array, centre: float) -> Array:
-    """Heading [degree] within 180 of `centre`, so that a vehicle that flies north draws one line.
+    """Wrap headings [degree] to within 180 of `centre`, so that a northward flight has no jumps.
 
-    NaN where it still jumps, on the far side of the centre.
+    A sample after a remaining jump, opposite to the centre, becomes NaN.
     """
     values = centre + (np.asarray(heading, float) - centre + 180.0) % 360.0 - 180.0
     values[1:][np.abs(np.diff(values)) > 180.0] = np.nan
@@ -97,22 +97,22 @@ def centred_line(heading: Array, centre: float) -> Array:
 
 
 def thinned_time(trajectory: Trajectory) -> tuple[Array, float, str]:
-    """The time [s] of thinned signals, seconds per shown unit and the unit's name."""
+    """Time [s] of thinned signals, seconds per shown unit, and the unit's name."""
     (time,) = style.thin(trajectory.time)
     return time, *style.time_unit(time)
 
 
 def unit_text(units: str) -> str:
-    """A unit of the schema as figures write it, in brackets."""
+    """Text of a unit of the schema for figures, in brackets."""
     return f"[{UNIT_TEXT.get(units, units)}]"
 
 
 def truth_of(name: str, trajectory: Trajectory) -> Array | None:
-    """The true signal that `measured_<name>` observes, or None when truth has no such signal.
+    """True signal that `measured_<name>` observes; None if there is none.
 
-    The class of the sensor names its true signal; what only real vehicles measure has
-    `true_<name>`. In a log the measured signal itself stands for the truth of many: these have none
-    to compare with.
+    The sensor's class names its true signal; a signal of real vehicles only has `true_<name>`.
+    None too where a log takes the measured signal itself as the true one, so that a comparison
+    would mean nothing.
     """
     if source_of(trajectory, f"true_{name}", "") == MEASURED:
         return None
@@ -126,9 +126,9 @@ def _sensor_of(name: str) -> type[Sensor]:
 
 
 def _of_ones_own(name: str, trajectory: Trajectory) -> bool:
-    """Whether a sensor measures it that the package does not bring: always shown.
+    """Return True if a signal is measured by a user's own sensor, so that it is always shown.
 
-    A store keeps such signals; the sensor itself need not be registered here.
+    A store keeps such signals; the sensor itself need not be registered in this process.
     """
     sensor = _sensor_of(name)
     if sensor is not Sensor:
@@ -138,18 +138,18 @@ def _of_ones_own(name: str, trajectory: Trajectory) -> bool:
 
 
 def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure:
-    """Measured over true, and measured minus true beside it, one row per sensor.
+    """Draw measured and true signals, and beside them their difference, one row per signal.
 
     Args:
       names: signals without their prefix, e.g. ("pitch", "depth"); empty shows DEFAULT.
 
     Raises:
-      InputError: the trajectory has no measured signals. UnknownName: not the named one.
+      InputError: the trajectory has no measured signals. UnknownName: it lacks a named signal.
     """
     have = [n.removeprefix("measured_") for n in trajectory.signals if n.startswith("measured_")]
     have = [n for n in have if truth_of(n, trajectory) is not None or _of_ones_own(n, trajectory)]
     logged = isinstance(trajectory, LoggedTrajectory)
-    if logged:  # its track goes through its fixes
+    if logged:  # a log's track goes through its fixes: a difference would mean nothing
         have = [n for n in have if not n.startswith("gps_")]
     if not have:
         raise InputError(
@@ -176,7 +176,7 @@ def sensor_figure(trajectory: Trajectory, names: tuple[str, ...] = ()) -> Figure
                 error = (error + 180.0) % 360.0 - 180.0
             sparse = bool(np.isnan(measured).mean() > 0.5)
             mark = {"marker": ".", "ms": 2.5, "ls": "none"} if sparse else {"lw": 0.8}
-            if truth is not None:  # of a log, what stands for it
+            if truth is not None:  # in a log, the label names the signal that replaces the truth
                 bare = name.removeprefix("gps_").removeprefix("onboard_").removeprefix("dvl_")
                 word = source_of(trajectory, f"true_{bare}", "true")
                 left.plot(time, true, color=style.TRUTH, lw=2.2, label=word)
@@ -207,7 +207,7 @@ SENSOR_FIGURE = FigureKind(
 
 
 def actuator_figure(trajectory: Trajectory) -> Figure:
-    """Command and position of every part of the vehicle, attitude and its setpoints."""
+    """Draw command and position of every part of the vehicle, attitude and its setpoints."""
     parts = len(trajectory.actuators)
     with style.styled():
         figure, axes = stack(parts + len(ATTITUDE), height=0.92)
@@ -219,7 +219,7 @@ def actuator_figure(trajectory: Trajectory) -> Figure:
 
 
 def draw_actuators(axes: Sequence[Axes], trajectory: Trajectory, legend_at: float = 0.98) -> None:
-    """Command and true position of each of the trajectory's parts into one axes each.
+    """Draw command and true position of the trajectory's parts, each part into its own axes.
 
     Args:
       legend_at: lower edge of the legend over the height of the first axes.
@@ -241,7 +241,7 @@ def draw_actuators(axes: Sequence[Axes], trajectory: Trajectory, legend_at: floa
 
 
 def draw_attitude(axes: Sequence[Axes], trajectory: Trajectory) -> None:
-    """Pitch and heading with their setpoints into two axes."""
+    """Draw pitch and heading with their setpoints into two axes."""
     for panel, name in zip(axes, ATTITUDE, strict=True):
         entries = [(f"true_{name}", name, style.TRUTH)]
         setpoint = trajectory.signals.get(f"commanded_{name}")
@@ -262,7 +262,7 @@ ACTUATORS = FigureKind(
 
 
 def velocity_figure(trajectory: Trajectory) -> Figure:
-    """Surge, sway and heave through the water, and the speed over ground."""
+    """Draw surge, sway and heave through the water, and the speed over ground."""
     titles = {"surge": "surge", "sway": "sway (starboard)", "heave": "heave (down)"}
     with style.styled():
         figure, axes = stack(4, height=0.95)

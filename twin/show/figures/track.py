@@ -1,6 +1,6 @@
-"""Track: where the glider went, from above and in space, beside dead-reckoned tracks.
+"""Track figures: the vehicle's path from above and in three dimensions, with dead-reckoned tracks.
 
-In space the axes are three-dimensional with depth down.
+The three-dimensional axes have depth down.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ Array = NDArray[np.float64]
 
 MARKS = {"start": (0, "o"), "end": (-1, "s")}  # sample and marker of a track's ends
 MOST_COLUMNS, LONG_NAME = 3, 14
-"""Columns of a legend at column width, and letters of a name from which it has one less"""
-ABOVE_LEGEND = 18.0  # [point] of a title above the axes, so that start and end are named below it
+"""Columns of a legend at column width, and the name's length from which it has a column less"""
+ABOVE_LEGEND = 18.0  # [point] gap between title and axes, for the legend of start and end
 LEGEND_ROW = 0.16  # [in] height of a legend's row
-VIEW_ELEVATION, VIEW_AZIMUTH = 24, -58  # [degree] from where the box is seen
+VIEW_ELEVATION, VIEW_AZIMUTH = 24, -58  # [degree] direction from which the box is seen
 BOX, ZOOM = (1.25, 1.25, 0.9), 0.92
-"""East, north and depth sides of the box; smaller than matplotlib's 1, so that no label is cut"""
+"""Relative sides of the box (east, north, depth), and its zoom, below 1 so that no label is cut"""
 TICKS = 4
 PANE = (0.97, 0.98, 0.99, 1.0)  # colour of the box's walls
 BOTTOM, RIGHT = 0.02, 0.94
-"""Edges of the axes over the figure's size: the depth label reaches beyond the right one"""
-BLANK = 0.15  # part of a square's height that a box this flat leaves free above itself
+"""Edges of the axes over the figure's size; the depth label reaches beyond the right edge"""
+BLANK = 0.15  # fraction of the axes' height that stays blank above such a flat box
 LEGEND: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (0.02, 0.99), "columnspacing": 1.0}
-"""Where `figure.legend` goes"""
-SPACE_HEIGHT = 2.95  # [in] of a figure with one row of names
-MOST_3D = 2500  # points of a line
+"""Options that place `figure.legend`"""
+SPACE_HEIGHT = 2.95  # [in] height of a 3-D figure with one row of names
+MOST_3D = 2500  # most points of a line
 
 
 def track_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -> Figure:
-    """The horizontal track, north up, equal scales; `tracks` are drawn beside the truth."""
+    """Draw the horizontal track, north up, equal scales; `tracks` are drawn beside the truth."""
     with style.styled():
         columns = legend_columns(tracks)
         figure = style.new_figure(height=3.3 + LEGEND_ROW * legend_rows(tracks, columns))
@@ -56,7 +56,7 @@ def track_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -> F
 
 
 def draw_track(axes: Axes, trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -> None:
-    """Draw the horizontal track into `axes`: coloured by time, or beside other tracks plain."""
+    """Draw the horizontal track into `axes`: coloured by time, or plain if there are `tracks`."""
     north, east, time = style.thin(
         trajectory["true_north"], trajectory["true_east"], trajectory.time
     )
@@ -83,7 +83,7 @@ def draw_track(axes: Axes, trajectory: Trajectory, tracks: Sequence[NamedTrack] 
         axes.plot(x, y, marker, ms=5, label=name, **style.END)
     names = ("measured_gps_east", "measured_gps_north")
     if isinstance(trajectory, LoggedTrajectory) and all(name in trajectory for name in names):
-        east, north = (trajectory[name] / metres for name in names)  # where it was corrected
+        east, north = (trajectory[name] / metres for name in names)  # fixes that correct the track
         axes.plot(east, north, ".", ms=3.5, color=style.COMMAND, ls="none", label="fix", zorder=2.5)
     axes.set_xlabel(f"east [{unit}]")
     axes.set_ylabel(f"north [{unit}]")
@@ -94,10 +94,10 @@ def draw_track(axes: Axes, trajectory: Trajectory, tracks: Sequence[NamedTrack] 
 def draw_legend(
     figure: Figure | SubFigure, axes: Axes, tracks: Sequence[NamedTrack], columns: int
 ) -> None:
-    """Name what `draw_track` drew: in the corner above the axes, or beside other tracks above all.
+    """Draw the legend of `draw_track`: at the corner above the axes, or above all with `tracks`.
 
     Args:
-      columns: of the legend beside other tracks.
+      columns: columns of the legend with `tracks`.
     """
     if tracks:
         handles, names = axes.get_legend_handles_labels()
@@ -110,13 +110,13 @@ def draw_legend(
 
 
 def legend_columns(tracks: Sequence[NamedTrack]) -> int:
-    """Columns of a legend at column width that the tracks' names leave room for."""
+    """Number of columns of a legend at column width for these tracks' names."""
     longest = max((len(track.title) for track in tracks), default=0)
     return MOST_COLUMNS - (longest >= LONG_NAME)
 
 
 def legend_rows(tracks: Sequence[NamedTrack], columns: int) -> int:
-    """Rows of the legend beside other tracks: truth, start and end, and the tracks; 0 without."""
+    """Number of rows of the legend of truth, start, end and tracks; 0 without tracks."""
     return -(-(len(tracks) + 3) // columns) if tracks else 0
 
 
@@ -129,18 +129,18 @@ FIGURE = FigureKind(
 
 
 def space_axes(figure: Figure, *, floor: float, unit: str, top: float) -> Any:
-    """3-D axes that fill a figure; call it inside `style.styled()`.
+    """Make 3-D axes that fill a figure; call this inside `style.styled()`.
 
     Args:
       floor: [m] depth of the box's floor.
-      unit: of east and north.
+      unit: unit of east and north.
       top: upper edge of the axes over the figure's height; the legend goes above.
 
     Returns:
       matplotlib's Axes3D, which takes east, north and depth in this order.
     """
-    figure.set_layout_engine("none")  # it does not know how far the labels of 3-D axes reach
-    # the blank above the box reaches beyond `top`, under the legend, and is not a white stripe
+    figure.set_layout_engine("none")  # the engine ignores the labels of 3-D axes
+    # extend the axes above `top`, so that their blank lies under the legend
     height = (top - BOTTOM) / (1.0 - BLANK)
     axes: Any = figure.add_axes((0.0, BOTTOM, RIGHT, height), projection="3d")
     axes.set_zlim(floor, 0.0)
@@ -156,7 +156,7 @@ def space_axes(figure: Figure, *, floor: float, unit: str, top: float) -> Any:
 
 
 def track_3d_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -> Figure:
-    """The track in space, depth down; the vertical scale is its own, as oceanographers plot it."""
+    """Draw the track in three dimensions, depth down, with a vertical scale of its own."""
     with style.styled():
         columns = legend_columns(tracks)
         rows = -(-(len(tracks) + 4) // columns)

@@ -1,7 +1,7 @@
-"""Water: the current against depth, temperature and salinity as sections and as a diagram.
+"""Water figures: current against depth, temperature and salinity as sections and as T-S diagram.
 
-The diagram has lines of equal density. Each quantity has a colour map, cmocean's where the water is
-shown.
+The diagram has lines of equal density. Each quantity has a colour map; maps of water properties are
+cmocean's.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ from twin.show import style
 from twin.show.figures.base import FigureKind
 
 Array = NDArray[np.float64]
-NOMINAL_LATITUDE = 45.0  # [degree] for the pressure of a mission without a place
-MOST_BINS, BIN_LEAST = 40, 1.0  # depth bins of the mean profile, and [m] that each has at least
+NOMINAL_LATITUDE = 45.0  # [degree] latitude for the pressure of a mission without a place
+MOST_BINS, BIN_LEAST = 40, 1.0  # most depth bins of the mean profile, and least height [m] of a bin
 MOST_POINTS = 12_000
 LEAST_SPAN, MARGIN = (0.05, 0.5), 0.07
-"""[g/kg], [degree_Celsius] that the axes have at least, so that noise stays small; and beyond"""
+"""[g/kg], [degree_Celsius] Least spans of the axes, so that noise stays small; relative margin"""
 GRID = 80
 LEVELS, MOST_LEVELS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0), 9
-"""[kg/m3] between lines of density, and how many there are at most"""
-COVERED = 0.05, 99.95  # percentiles that the axes show: single spikes of a CTD lie outside
+"""[kg/m3] Steps between lines of density, and most lines"""
+COVERED = 0.05, 99.95  # percentiles that the axes cover: single spikes of a CTD lie outside
 PANELS = (("temperature", "[°C]"), ("salinity", "[PSS-78]"))
 PANEL_HEIGHT, WIDTH = 1.75, 5.4  # [in]
 NARROW, WIDE = 2.0, 4.5
-"""[point] sides of the dots: as wide as a section of few profiles leaves room for"""
+"""[point] Least and largest side of the dots; a section of few profiles has wider dots"""
 SHOWN_PERCENTILES = 1.0, 99.0  # percentiles that the colours cover
 
 
 class Water(NamedTuple):
-    """Water along the way, each (time,), NaN where it is not known."""
+    """Water along the track; signals have shape (time,) and NaN where unknown."""
 
     temperature: Array  # [degree_Celsius] in situ
     salinity: Array  # practical
@@ -48,10 +48,10 @@ class Water(NamedTuple):
 
 
 def water_of(trajectory: Trajectory) -> Water:
-    """The temperature and salinity of a mission: the true ones, or those of its CTD.
+    """Temperature and salinity of a mission: true signals, or else those of the CTD.
 
     Raises:
-      InputError: it has neither.
+      InputError: the mission has no temperature and salinity.
     """
     quantities = ("temperature", "salinity")
     for kind in ("true", "measured"):
@@ -69,7 +69,7 @@ def water_of(trajectory: Trajectory) -> Water:
 
 def absolute(trajectory: Trajectory, water: Water) -> tuple[Array, Array, str]:
     """Absolute salinity [g/kg] and conservative temperature [degree_Celsius], TEOS-10, and the
-    salinity's name; without a place on Earth it is the reference salinity, of standard seawater.
+    salinity's name. Without a place on Earth the salinity is the reference salinity.
     """
     import gsw
 
@@ -93,7 +93,7 @@ def _depth(trajectory: Trajectory) -> Array:
 
 
 def mean_profile(depth: Array, *values: Array) -> tuple[Array, tuple[Array, ...]]:
-    """Means of `values` in equal depth bins; empty bins are left out, and samples without a value.
+    """Means of `values` in equal depth bins, without empty bins and samples with a NaN.
 
     Returns the bins' centres [m], shape (n,), and the means, each (n,).
     """
@@ -111,7 +111,7 @@ def mean_profile(depth: Array, *values: Array) -> tuple[Array, tuple[Array, ...]
 
 
 def current_figure(trajectory: Trajectory) -> Figure:
-    """North and east current against depth: every sample faint, the mean of each depth bold."""
+    """Draw north and east current against depth: samples faint, the mean of each depth bold."""
     with style.styled():
         figure = style.new_figure(height=3.2)
         draw_current(figure.add_subplot(), trajectory)
@@ -119,7 +119,7 @@ def current_figure(trajectory: Trajectory) -> Figure:
 
 
 def draw_current(axes: Axes, trajectory: Trajectory) -> None:
-    """Draw the profile into `axes`."""
+    """Draw the current's profile into `axes`."""
     if isinstance(trajectory, LoggedTrajectory) and "true_current_north" not in trajectory:
         raise InputError(
             "this log has no current: two fixes about a dive give its depth-averaged one, a "
@@ -132,7 +132,7 @@ def draw_current(axes: Axes, trajectory: Trajectory) -> None:
     centres, means = mean_profile(depth, *components)
     for (name, colour), component, mean in zip(colours.items(), components, means, strict=True):
         values, where = style.thin(component, depth, most=3000)
-        if word == AVERAGED:  # one number of each dive is no profile
+        if word == AVERAGED:  # one value for each dive gives no profile
             axes.plot(values, where, ".", ms=2.0, color=colour, label=f"{name}ward")
         else:
             axes.plot(values, where, ".", ms=1.5, color=colour, alpha=0.15, rasterized=True)
@@ -155,15 +155,15 @@ OCEAN_MAPS = {
     "depth": "deep",
     "vertical_velocity": "balance",
 }
-"""cmocean's map of each quantity; `balance` is for signed ones and belongs on symmetric limits"""
+"""cmocean's map of each quantity; `balance` is for signed quantities and symmetric limits"""
 
 
 def ocean_map(quantity: str) -> Colormap | str:
-    """The colour map of a quantity of `OCEAN_MAPS`, or that of everything else."""
+    """Colour map of a quantity: cmocean's if it is in `OCEAN_MAPS`, else the general map."""
     if quantity not in OCEAN_MAPS:
         return style.SEQUENTIAL_MAP
     with warnings.catch_warnings():
-        # cmocean 4.0.3 hands matplotlib an argument that goes away in 3.13
+        # cmocean 4.0.3 uses an argument that matplotlib 3.13 removes
         warnings.filterwarnings("ignore", "Passing 'N' to ListedColormap")
         from cmocean import cm
     found: Colormap = getattr(cm, OCEAN_MAPS[quantity])
@@ -171,7 +171,7 @@ def ocean_map(quantity: str) -> Colormap | str:
 
 
 def ts_figure(trajectory: Trajectory) -> Figure:
-    """Conservative temperature over absolute salinity, coloured by depth, with lines of sigma0.
+    """Draw conservative temperature over absolute salinity, coloured by depth, and sigma0 lines.
 
     Raises:
       InputError: the mission has no temperature and salinity.
@@ -220,10 +220,10 @@ DIAGRAM = FigureKind(
 
 
 def hydrography_figure(trajectory: Trajectory) -> Figure:
-    """Temperature and salinity over time and depth.
+    """Draw temperature and salinity over time and depth.
 
     Raises:
-      InputError: the mission has neither.
+      InputError: the mission has no temperature and salinity.
     """
     seconds, unit = style.time_unit(trajectory.time)
     figure = draw_sections(trajectory, trajectory.time / seconds, "")
@@ -232,13 +232,13 @@ def hydrography_figure(trajectory: Trajectory) -> Figure:
 
 
 def draw_sections(trajectory: Trajectory, along: Array, label: str) -> Figure:
-    """Temperature and salinity over `along` (time,) and depth; `label` names its axis.
+    """Draw temperature and salinity over `along` (time,) and depth; `label` is the x axis's.
 
     Raises:
-      InputError: the mission has neither.
+      InputError: the mission has no temperature and salinity.
     """
     water, depth = water_of(trajectory), _depth(trajectory)
-    known = depth[np.isfinite(depth)]  # profiles pass half of the greatest depth
+    known = depth[np.isfinite(depth)]  # count profiles: each crosses half of the greatest depth
     profiles = int(np.count_nonzero(np.diff(known > 0.5 * known.max(initial=0.0))))
     side = float(np.clip(0.8 * 72.0 * 0.8 * WIDTH / max(profiles, 1), NARROW, WIDE))
     with style.styled():
@@ -249,7 +249,7 @@ def draw_sections(trajectory: Trajectory, along: Array, label: str) -> Figure:
             axes.plot(*style.thin(along, depth), color=style.GUIDE, lw=0.4, zorder=1)
             x, y, shown = style.thin(along, depth, values, most=MOST_POINTS)
             seen = np.isfinite(shown) & np.isfinite(y)
-            y = np.maximum(y, 0.0)  # waves and a transducer's zero lift it above the surface
+            y = np.maximum(y, 0.0)  # waves and pressure offsets give depths above the surface
             low, high = (float(v) for v in np.percentile(shown[seen], SHOWN_PERCENTILES))
             dots = axes.scatter(
                 x[seen], y[seen], c=shown[seen], s=side**2, marker="s", linewidths=0,

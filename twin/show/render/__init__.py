@@ -1,4 +1,4 @@
-"""Renders: headless pictures and videos of trajectories."""
+"""Renderer: pictures and videos of trajectories without a screen, and the viewer's window."""
 
 from typing import TYPE_CHECKING
 

@@ -1,10 +1,10 @@
-"""Camera: the block of water that a picture shows, its scales, and where it is seen from.
+"""Camera: the block of water that a picture shows, its scales, and the viewpoint.
 
-A picture that spans kilometres would show a 2 m glider as nothing. So the glider keeps its size of
-about 2 display units and the sea shrinks around it: one horizontal scale, and one vertical scale
-that may exaggerate depth, as oceanographers draw sections. The chase camera keeps true scale.
+In a picture that spans kilometres, a 2 m glider would be invisible. So the glider keeps its size of
+about 2 display units, and the sea is scaled down around it: by a horizontal scale, and a vertical
+scale that may exaggerate depth. The chase camera keeps true scale.
 
-Framing fits everything; `View` has the projection that puts labels where points are seen.
+`fit` frames the whole block; `View` projects points into the picture, for labels.
 """
 
 from __future__ import annotations
@@ -23,36 +23,36 @@ Array = NDArray[np.float64]
 
 EXAGGERATIONS = (1.0, 2.0, 3.0, 4.0, 5.0, 8.0, 10.0, 15.0, 20.0, 30.0, 50.0)
 HEIGHT_RATIO = {"orbit": 0.30, "side": 0.46, "map": 0.30}
-"""Height over length of the water block that the automatic exaggeration aims at, by camera, in a
-picture of WIDESCREEN; in a taller one the block is taller too."""
+"""Height over length of the water block at which the automatic exaggeration aims, by camera, for
+the aspect WIDESCREEN; a taller picture gets a taller block."""
 WIDESCREEN = 16 / 9
 WIDTH_RATIO = {"orbit": 0.28, "side": 0.28, "map": 0.55, "chase": 0.28}
 """Least width over length of the block, so that a straight track has a body of water around it."""
-MARGIN = 0.07  # around the track, as part of the block's length
-BELOW = 0.12  # water under the deepest point, as part of the depth
-LEAST_DEPTH, LEAST_LENGTH = 5.0, 12.0  # [m] of the block of a mission that hardly dives or moves
+MARGIN = 0.07  # margin around the track over the track's length
+BELOW = 0.12  # water below the deepest point over that point's depth
+LEAST_DEPTH, LEAST_LENGTH = 5.0, 12.0  # [m] least depth and length of the block
 VEHICLE_SHARE = 0.095  # length of the glider over the width of the view
-VIEW_MARGIN = 1.25  # width of the view over the block's length, roughly: sets the scale
-SIDE_SHARE = 0.04  # free part on each side without a HUD
+VIEW_MARGIN = 1.25  # approximate width of the view over the block's length: sets the scale
+SIDE_SHARE = 0.04  # free margin on each side without a HUD, over the picture's size
 
 NARROW, WIDE = math.radians(14.0), math.radians(24.0)
-"""Half of the vertical field of view: of the framed cameras, and of the chase camera."""
+"""[rad] Half of the vertical field of view of the framed cameras, and of the chase camera."""
 ORBIT_ELEVATION, SIDE_ELEVATION = math.radians(24.0), math.radians(9.0)
-ORBIT_SWEEP = math.radians(110.0)  # travel of the orbit camera in one video, about the broadside
-ORBIT_STILL = math.radians(32.0)  # bearing of a still from the broadside view
-CHASE_DISTANCE = 4.1  # [m] behind and beside the glider
+ORBIT_SWEEP = math.radians(110.0)  # [rad] sweep of the orbit camera in a video, about the broadside
+ORBIT_STILL = math.radians(32.0)  # [rad] bearing of a still from the broadside view
+CHASE_DISTANCE = 4.1  # [m] distance of the chase camera from the glider
 CHASE_BEARING, CHASE_ELEVATION = math.radians(142.0), math.radians(16.0)
-"""From the bow, to starboard: mostly from behind"""
+"""[rad] Direction of the chase camera from the glider: from the bow to starboard, and up"""
 CHASE_HEIGHT = CHASE_DISTANCE * math.sin(CHASE_ELEVATION)
-"""[m] of the chase camera above the glider"""
-CHASE_LAG = 1.2  # [s of video] with which the chase camera follows a turn
+"""[m] Height of the chase camera above the glider"""
+CHASE_LAG = 1.2  # [s of video] time constant with which the chase camera follows a turn
 INSET_BEARING, INSET_ELEVATION = math.radians(58.0), math.radians(24.0)
 INSET_HALF, INSET_DISTANCE = math.radians(13.0), 4.4  # half the field of view; [m]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Frame:
-    """Margins that framing keeps free, as parts of the picture's height and width."""
+    """Margins that framing keeps free, as fractions of the picture's height and width."""
 
     aspect: float  # width over height of the picture
     bottom: float = SIDE_SHARE
@@ -62,15 +62,15 @@ class Frame:
 
     @property
     def filled(self) -> float:
-        """Height of the part that is filled."""
+        """Height of the filled part over the picture's height."""
         return 1.0 - self.bottom - self.top
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SceneLayout:
-    """The block of water in metres, and the scales to display units.
+    """Block of water in metres, and the scales to display units.
 
-    The block's axes: x along `azimuth` (from north towards east), y to its right, z down.
+    The block's axes are x along `azimuth` (from north towards east), y to its right, z down.
     """
 
     azimuth: float  # [rad]
@@ -101,23 +101,23 @@ class SceneLayout:
         return -(self.azimuth + math.pi / 2)
 
     def to_ned(self, block: Array) -> Array:
-        """Block axes to NED [m], shape (..., 3)."""
+        """Convert block axes to NED [m], shape (..., 3)."""
         return np.asarray(block) @ self._turn().T
 
     def to_block(self, ned: Array) -> Array:
-        """NED to block axes [m], shape (..., 3)."""
+        """Convert NED to block axes [m], shape (..., 3)."""
         return np.asarray(ned) @ self._turn()
 
     def display(self, ned: Array) -> Array:
-        """NED [m] to display units, z up, the block's centre at the surface as origin."""
+        """Convert NED [m] to display units, z up, origin at the middle of the block's surface."""
         return flip_vector(np.asarray(ned) - self.centre) * self.factors
 
     def display_block(self, block: Array) -> Array:
-        """Block axes [m] to display units."""
+        """Convert block axes [m] to display units."""
         return self.display(self.to_ned(block))
 
     def corners(self) -> Array:
-        """The block's corners in display units: surface then floor, shape (8, 3)."""
+        """Corners of the block in display units: surface, then floor, shape (8, 3)."""
         (x0, y0, _), (x1, y1, z1) = self.low, self.high
         xy = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
         return self.display_block(np.array([(x, y, z) for z in (0.0, z1) for x, y in xy]))
@@ -136,15 +136,15 @@ def plan(
     camera: str,
     frame: Frame,
 ) -> SceneLayout:
-    """The layout that holds all `paths`, each (n, 3) NED [m].
+    """Plan the layout that contains all `paths`, each (n, 3) NED [m].
 
     Args:
-      hull_length: [m] of the glider.
-      floor: [m] depth of the floor, None for a little below the deepest point.
-      exaggeration: vertical over horizontal scale, None for automatic.
-      camera: as in `Shot`. The map's block is aligned with north, the others' with the track;
+      hull_length: [m] length of the glider's hull.
+      floor: [m] depth of the block's floor; None for a little below the deepest point.
+      exaggeration: vertical over horizontal scale; None for automatic.
+      camera: as in `Shot`. The map's block is aligned with north, other blocks with the track;
         the chase camera has one display unit per metre and no exaggeration.
-      frame: what the picture keeps free; the map's block fills the rest.
+      frame: margins of the picture; the map's block fills the rest.
     """
     points = np.concatenate(paths)
     azimuth = 0.0 if camera == "map" else principal_azimuth(points[:, :2])
@@ -177,7 +177,7 @@ def plan(
 
 
 def principal_azimuth(horizontal: Array) -> float:
-    """Direction [rad from north towards east] along which points (n, 2) spread most."""
+    """[rad] Azimuth, from north towards east, along which points (n, 2) vary most."""
     centred = horizontal - horizontal.mean(axis=0)
     if np.abs(centred).max(initial=0.0) < 1e-6:
         return 0.0
@@ -194,7 +194,7 @@ def ticks(low: float, high: float, *, about: int = 5) -> Array:
 
 
 def nice_step(rough: float) -> float:
-    """The number 1, 2 or 5 times a power of ten that is nearest to `rough`."""
+    """Round `rough` to the nearest 1, 2 or 5 times a power of ten, on a logarithmic scale."""
     power = 10.0 ** math.floor(math.log10(rough))
     steps = (m * power for m in (1.0, 2.0, 5.0, 10.0))
     return min(steps, key=lambda s: abs(math.log(s / rough)))
@@ -202,13 +202,13 @@ def nice_step(rough: float) -> float:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class View:
-    """A camera in display units, z up, as MuJoCo's renderer takes it."""
+    """Camera in display units, z up, in the form of MuJoCo's renderer."""
 
     position: Array  # shape (3,)
     forward: Array  # unit, shape (3,)
-    up: Array  # unit, across `forward`, shape (3,)
+    up: Array  # unit, perpendicular to `forward`, shape (3,)
     half_height: float
-    """Half height of the part that framing fills: tangent of the angle, or units if parallel"""
+    """Half height of the filled part: tangent of the angle, or display units if `parallel`"""
     frame: Frame
     parallel: bool = False
     near: float = 0.05
@@ -220,7 +220,7 @@ class View:
         return np.cross(self.forward, self.up)
 
     def frustum(self) -> tuple[float, float, float, float]:
-        """Middle from the left, half width, bottom and top at the near plane, in display units."""
+        """Horizontal centre, half width, bottom and top of the near plane, in display units."""
         unit = 1.0 if self.parallel else self.near
         filled = self.frame.filled
         height = 2 * self.half_height * unit / filled
@@ -229,8 +229,8 @@ class View:
         return half_width * (self.frame.right - self.frame.left), half_width, low, low + height
 
     def project(self, points: Array) -> Array:
-        """Picture coordinates of points (n, 3): x from the left, y from the top, both 0 to 1; and
-        the distance along the view, shape (n, 3). Points behind the camera get NaN."""
+        """Picture coordinates of points (n, 3), shape (n, 3): x from the left and y from the top, 0
+        to 1, and distance along the view. Points behind the camera get NaN."""
         relative = np.asarray(points) - self.position
         along = relative @ self.forward
         shrink = np.ones_like(along)
@@ -244,7 +244,7 @@ class View:
 
 
 def direction(bearing: float, elevation: float) -> tuple[Array, Array]:
-    """Forward and up of a camera that looks from `bearing` and `elevation` [rad] at the origin.
+    """Unit vectors forward and up of a camera that looks from a direction [rad] at the origin.
 
     Bearing counts from the display's x axis (north) to its y axis (west).
     """
@@ -254,12 +254,12 @@ def direction(bearing: float, elevation: float) -> tuple[Array, Array]:
 
 
 def fit(points: Array, forward: Array, up: Array, *, half_height: float, frame: Frame) -> View:
-    """The perspective view along `forward` that just holds all points (n, 3) in the frame."""
+    """Perspective view along `forward` that just contains all points (n, 3) in the frame."""
     tangent = math.tan(half_height) * frame.filled
     half_width = math.tan(half_height) * frame.aspect * (1.0 - frame.left - frame.right)
     right = np.cross(forward, up)
     target = points.mean(axis=0)
-    for _ in range(20):  # the target moves to the middle of what is seen; it settles quickly
+    for _ in range(20):  # move the target to the middle of the projected points; converges fast
         relative = points - target
         x, y, z = relative @ right, relative @ up, relative @ forward
         distance = float(np.max(np.maximum(np.abs(x) / half_width, np.abs(y) / tangent) - z))
@@ -280,11 +280,11 @@ def fit(points: Array, forward: Array, up: Array, *, half_height: float, frame: 
 
 
 def block_view(camera: str, layout: SceneLayout, frame: Frame, phase: float | None) -> View:
-    """The view of a camera that shows the whole block.
+    """View of a camera that shows the whole block.
 
     Args:
-      camera: map; side, across the track, a little from above; orbit, circling the block.
-      phase: 0 to 1, the orbit's progress in a video, 0.5 the broadside view; None: of a still.
+      camera: map; side, across the track, slightly from above; orbit, circling the block.
+      phase: 0 to 1, the orbit's progress in a video, 0.5 the broadside view; None for a still.
     """
     if camera == "map":
         return map_view(layout, frame)
@@ -297,7 +297,7 @@ def block_view(camera: str, layout: SceneLayout, frame: Frame, phase: float | No
 
 
 def map_view(layout: SceneLayout, frame: Frame) -> View:
-    """From straight above, north up, parallel projection."""
+    """View from straight above, north up, parallel projection."""
     corners = layout.corners()[:4]
     middle = (corners.max(axis=0) + corners.min(axis=0)) / 2
     span = corners.max(axis=0) - corners.min(axis=0)
@@ -317,7 +317,7 @@ def map_view(layout: SceneLayout, frame: Frame) -> View:
 
 
 def chase_view(heading: float, frame: Frame) -> View:
-    """Behind the glider, which is at the origin; `heading` [rad] already follows with a lag."""
+    """View from behind the glider at the origin; `follow` has smoothed its `heading` [rad]."""
     forward, up = direction(-(heading + CHASE_BEARING), CHASE_ELEVATION)
     return View(
         position=-CHASE_DISTANCE * forward,
@@ -329,7 +329,7 @@ def chase_view(heading: float, frame: Frame) -> View:
 
 
 def inset_view(centre: Array, heading: float, aspect: float) -> View:
-    """Close-up of the glider at `centre` (3,) from its starboard bow, level with the world."""
+    """Close-up view of the glider at `centre` (3,) from its starboard bow, without roll."""
     forward, up = direction(-(heading + INSET_BEARING), INSET_ELEVATION)
     return View(
         position=centre - INSET_DISTANCE * forward,
@@ -342,9 +342,9 @@ def inset_view(centre: Array, heading: float, aspect: float) -> View:
 
 
 def follow(angle: Array, frames_per_second: float, lag: float = CHASE_LAG) -> Array:
-    """Angles [rad, unwrapped] of a camera that follows `angle` with a first-order lag [s].
+    """Smooth angles [rad, unwrapped] by a first-order `lag` [s], for a camera that follows.
 
-    It starts settled on the first angle, so that a video does not begin with a swing.
+    The filter starts settled at the first angle, so that a video does not begin with a swing.
     """
     weight = 1.0 - math.exp(-1.0 / (frames_per_second * lag))
     lagging = itertools.accumulate(angle, lambda before, now: before + weight * (now - before))

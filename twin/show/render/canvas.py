@@ -1,8 +1,8 @@
-"""Canvas: sizes, words and small shapes of what is drawn over a picture, and the scene's colours.
+"""Canvas: sizes, text and small shapes drawn over a picture, and the scene's colours.
 
-Colours of the scene are RGB in 0 to 1. Words are drawn once by Pillow, then blended into frames as
-often as they appear. The font is DejaVu Sans, which comes with matplotlib, so that pictures do not
-depend on what a machine has installed.
+Colours of the scene are RGB in 0 to 1. Pillow draws each letter once; words are then blended into
+frames. The font is DejaVu Sans, which comes with matplotlib, so that pictures do not depend on a
+machine's fonts.
 """
 
 from __future__ import annotations
@@ -25,50 +25,50 @@ Wide = NDArray[np.uint16]
 Colour = tuple[int, int, int]
 
 BASE_WIDTH, BASE_HEIGHT = 1280, 720
-"""[pixel] of the picture in which sizes are given; they grow with the picture"""
+"""[pixel] Size of the base picture, for which lengths are given; they scale with the picture"""
 STRIP = 85  # height of the strip of readouts [pixel of the base picture]
 FREE = {"bottom": 42, "top": 72, "left": 0.075, "right": 0.245}
-"""Margins that framing keeps free for the display: pixels of the base picture above the strip for
-the distances, and for the title; parts of the width for depths, and for close-up and legend"""
+"""Margins that framing keeps free: bottom (distances, above the strip) and top (title) in pixels of
+the base picture; left (depths) and right (close-up and legend) over the width"""
 INSET_WIDTH, INSET_ASPECT = 0.217, 1.43
 """Width of the close-up over the picture's, and its width over its height"""
 CURVE_SHARE = 0.22  # width of the depth curve over the picture's
 NAME_TOP, VALUE_TOP, NOTES_TOP, COMPASS_TOP = 15, 34, 14, 82
-"""From the strip's edge to the readouts' names and values, and from the picture's to the notes and
-the compass, likewise"""
+"""[pixel of the base picture] Distances from the strip's top to the readouts' names and values, and
+from the picture's top to the notes and the compass"""
 TITLE, VALUE, NAME, LABEL, LEGEND = 19, 25, 16, 17, 16
 """Font sizes [pixel of a BASE_WIDTH x BASE_HEIGHT picture]"""
-SMALLEST_FONT = 8  # [pixel] below which letters are blots
+SMALLEST_FONT = 8  # [pixel] smallest legible font size
 TRACK_MAP, TRACK_FROM, TRACK_TO = "plasma", 0.30, 0.97
 LIGHT_DEPTH = 120.0
-"""[m] over which daylight fades by e: our choice, so that a dive to 500 m still shows something"""
+"""[m] Depth over which daylight fades by e: our choice, so that a dive to 500 m stays visible"""
 SURFACE_LIGHT = np.array([0.16, 0.62, 0.74])
 DEEP_LIGHT = np.array([0.016, 0.085, 0.19])
 HORIZON, ZENITH = np.array([0.74, 0.88, 0.95]), np.array([0.30, 0.56, 0.84])
-"""The sky, for a chase camera above the water"""
+"""Colours of the sky, for a chase camera above the water"""
 BACKDROP_TOP, BACKDROP_BOTTOM = np.array([0.055, 0.115, 0.19]), np.array([0.012, 0.028, 0.055])
 SAND = np.array([0.56, 0.51, 0.40])
-FUTURE = np.array([0.80, 0.86, 0.92])  # the part of the track that is still to come
+FUTURE = np.array([0.80, 0.86, 0.92])  # the part of the track that is not flown yet
 CURRENT = np.array([0.93, 0.98, 1.0])
 GLASS = np.array([0.55, 0.88, 1.0])
 OTHER_TRACKS = tuple(np.array([
     (0.15, 0.90, 0.50), (1.00, 0.58, 0.78), (0.50, 0.92, 1.00), (0.74, 0.68, 1.00),
     (0.74, 1.00, 0.30), (0.62, 0.68, 0.75), (1.00, 1.00, 1.00),
 ]))  # fmt: skip
-"""Colours of dead-reckoned tracks, in order; they come round again after the last. Light ones: the
-water is blue and dark, and the true track takes the warm hues. White, that of the current's arrows,
+"""Colours of dead-reckoned tracks, in order, repeated after the last. All are light, since the
+water is blue and dark and the true track has warm hues. White, the colour of the current's arrows,
 comes last."""
 WHITE, DIM, INK = (255, 255, 255), (158, 188, 208), (6, 16, 28)
-"""Text, its labels and the ground of the heads-up strip, 0 to 255"""
+"""Colours of text, labels and background of the strip, 0 to 255"""
 _FILES = {False: "DejaVuSans.ttf", True: "DejaVuSans-Bold.ttf"}
-CACHE = 4096  # words kept; a long video has as many different numbers
+CACHE = 4096  # most cached words and letters; a long video has as many different numbers
 HALO_SHARE = 14  # font size over the width of its halo
-OVERHANG = 2  # [pixel] by which a letter may reach over its width
+OVERHANG = 2  # [pixel] by which a letter may extend beyond its width
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Canvas:
-    """A picture's size, and lengths that suit it."""
+    """Size of a picture, and positions and lengths that depend on the size."""
 
     width: int  # [pixel]
     height: int  # [pixel]
@@ -81,7 +81,7 @@ class Canvas:
     @property
     def strip_top(self) -> int:
         """First row of the strip."""
-        # Letters stop shrinking before the picture does.
+        # A small picture's letters stop shrinking at SMALLEST_FONT: the strip must hold them.
         letters = NAME_TOP * self.unit + 1.25 * (self.font_size(NAME) + self.font_size(VALUE))
         return self.height - max(self.px(STRIP), round(letters))
 
@@ -106,7 +106,7 @@ class Canvas:
 
     @property
     def frame(self) -> Frame:
-        """Margins that framing keeps free for all this."""
+        """Margins that framing keeps free for the strip, title, labels and close-up."""
         free_below = FREE["bottom"] * self.unit / self.height
         return Frame(
             aspect=self.width / self.height,
@@ -124,11 +124,11 @@ class Canvas:
         return left, self.strip_top + self.px(20), right, self.height - self.px(14)
 
     def px(self, size: float) -> int:
-        """A length of the base picture in this picture's pixels, at least 1."""
+        """Convert a length of the base picture to this picture's pixels, at least 1."""
         return max(1, round(size * self.unit))
 
     def font_size(self, size: float) -> int:
-        """A font size of the base picture in this picture's pixels."""
+        """Convert a font size of the base picture to this picture's pixels."""
         return max(SMALLEST_FONT, round(size * self.unit))
 
 
@@ -140,7 +140,7 @@ def frame_of(shot: subject.Shot) -> Frame:
 
 
 def dot(frame: Pixels, x: float, y: float, radius: float, colour: Colour) -> None:
-    """A smooth disc, in place; what lies outside the frame is cut off."""
+    """Draw a smooth disc into a frame, in place, clipped to the frame."""
     height, width = frame.shape[:2]
     x0, x1 = max(int(x - radius - 1), 0), min(int(x + radius + 2), width)
     y0, y1 = max(int(y - radius - 1), 0), min(int(y + radius + 2), height)
@@ -153,7 +153,7 @@ def dot(frame: Pixels, x: float, y: float, radius: float, colour: Colour) -> Non
 
 
 def border(frame: Pixels, place: tuple[int, int, int, int], colour: Colour) -> None:
-    """A thin frame just inside a box (left, top, width, height), in place."""
+    """Draw a thin border just inside a box (left, top, width, height), in place."""
     left, top, wide, high = place
     part, thick = frame[top : top + high, left : left + wide], max(1, round(frame.shape[0] / 480))
     for edge in (part[:thick], part[-thick:], part[:, :thick], part[:, -thick:]):
@@ -161,14 +161,14 @@ def border(frame: Pixels, place: tuple[int, int, int, int], colour: Colour) -> N
 
 
 def box(frame: Pixels, place: tuple[int, int, int, int], colour: Colour, rim: Colour) -> None:
-    """A filled box (left, top, width, height) with a rim of one pixel, in place."""
+    """Fill a box (left, top, width, height) with a rim of one pixel, in place."""
     left, top, wide, high = place
     frame[top - 1 : top + high + 1, left - 1 : left + wide + 1] = rim
     frame[top : top + high, left : left + wide] = colour
 
 
 def layer(picture: Pixels) -> tuple[Wide, Wide]:
-    """Colours that an RGBA picture adds to a frame, and the part (..., 1) kept, both by 255."""
+    """Layer of an RGBA picture: colours to add, and fraction (..., 1) to keep, both times 255."""
     alpha = picture[..., 3:].astype(np.uint16)
     return picture[..., :3] * alpha, 255 - alpha
 
@@ -182,7 +182,7 @@ WATER = np.array(
         [1.00, 0.03, 0.13, 0.32],
     ]
 )
-"""Relative depth of the shown water and its colour"""
+"""Rows of relative depth in the shown water, 0 to 1, and colour, RGB"""
 
 
 def track_colours(values: Array, low: float, high: float) -> Array:
@@ -202,13 +202,13 @@ def water_colour(relative_depth: Array | float) -> Array:
 
 @functools.lru_cache(maxsize=64)
 def font(size: int, bold: bool = False) -> ImageFont.FreeTypeFont:
-    """The font at `size` [pixel]."""
+    """Font of `size` [pixel]."""
     path = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / _FILES[bold]
     return ImageFont.truetype(str(path), size)
 
 
 def text_width(text: str, size: int, bold: bool = False) -> int:
-    """[pixel]"""
+    """[pixel] Width of a text."""
     return max(1, math.ceil(sum(_advance(letter, size, bold) for letter in text)))
 
 
@@ -216,10 +216,10 @@ def text_width(text: str, size: int, bold: bool = False) -> int:
 def word(
     text: str, size: int, colour: Colour, bold: bool = False, halo: Colour | None = None
 ) -> tuple[Wide, Wide]:
-    """Layer of a word, as `layer` has it.
+    """Layer of a word, in the form of `layer`.
 
-    Its box is the font's line height, so that words of one size align by their top; a halo, a rim
-    that keeps text readable on any ground, makes it larger on each side alike.
+    The layer's height is the font's line height, so that words of one size align by their top. A
+    halo is a rim that keeps text readable on any background; it widens all sides equally.
     """
     rim = max(1, round(size / HALO_SHARE)) if halo is not None else 0
     cover = _compose(text, size, bold, rim, 0)
@@ -231,10 +231,10 @@ def word(
 
 
 def _compose(text: str, size: int, bold: bool, margin: int, stroke: int) -> Wide:
-    """Coverage of a word, (height, width, 1), from letters that were drawn before.
+    """Coverage of a word, (height, width, 1), from cached letters.
 
-    The readouts change with every frame, and drawing ten letters again costs more than the rest of
-    the display.
+    Readouts change with every frame. Drawing ten letters anew would cost more than the rest of the
+    display.
     """
     letters = [_letter(letter, size, bold, margin, stroke) for letter in text]
     height = letters[0].shape[0] if letters else 1
@@ -276,11 +276,11 @@ def write(
     anchor: str = "lt",
     halo: Colour | None = None,
 ) -> None:
-    """Write into a frame (height, width, 3) in place; what lies outside is cut off.
+    """Write text into a frame (height, width, 3), in place, clipped to the frame.
 
     Args:
-      x, y: [pixel] of the anchor.
-      anchor: l, m or r for the horizontal, t, m or b for the vertical.
+      x, y: [pixel] position of the anchor.
+      anchor: l, m or r for the horizontal, then t, m or b for the vertical.
       halo: colour of the rim, or None.
     """
     if not (math.isfinite(x) and math.isfinite(y)):
@@ -293,7 +293,7 @@ def write(
 
 
 def blend(frame: Pixels, add: Wide, keep: Wide, left: int, top: int) -> None:
-    """frame = (frame * keep + add) / 255 where the two lie over the frame, in place."""
+    """Blend a layer into a frame at (left, top), in place: frame = (frame * keep + add) / 255."""
     height, width = frame.shape[:2]
     h, w = add.shape[:2]
     x0, y0, x1, y1 = max(left, 0), max(top, 0), min(left + w, width), min(top + h, height)
@@ -303,7 +303,7 @@ def blend(frame: Pixels, add: Wide, keep: Wide, left: int, top: int) -> None:
 
 
 def mixed(ground: Pixels, add: Wide, keep: Wide) -> Wide:
-    """(ground * keep + add) / 255 to the nearest whole number, shape (height, width, 3)."""
+    """Compute (ground * keep + add) / 255, rounded to the nearest integer, (height, width, 3)."""
     total = ground * keep
     total += add
     # Dividing by 255 exactly, without a division: (m + 128 + ((m + 128) >> 8)) >> 8.

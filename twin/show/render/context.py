@@ -1,9 +1,8 @@
-"""Context: an OpenGL context without a screen, by EGL or else by OSMesa.
+"""OpenGL contexts without a screen, by EGL or else by OSMesa; and the check for a screen.
 
-EGL draws on a GPU or, with Mesa, on the CPU; OSMesa draws on the CPU only. Which of them works is
-found out before PyOpenGL is imported, because PyOpenGL settles for one of them for the rest of the
-process. The environment variable MUJOCO_GL, when it says `egl` or `osmesa`, wins. Where a window is
-asked for, a missing screen is named with what to do.
+EGL draws on a GPU or, with Mesa, on the CPU; OSMesa draws on the CPU only. The working backend is
+found before PyOpenGL is imported, because PyOpenGL then keeps one backend for the whole process. If
+the environment variable MUJOCO_GL is `egl` or `osmesa`, only that backend is tried.
 """
 
 from __future__ import annotations
@@ -31,15 +30,15 @@ BACKENDS = {"egl": "libegl1 libopengl0 libgl1-mesa-dri", "osmesa": "libosmesa6"}
 _EGL_PLATFORM_DEVICE = 0x313F  # EGL_PLATFORM_DEVICE_EXT, of EGL_EXT_platform_device
 _MOST_DEVICES = 16
 _drawing: int | None = None
-"""Process that first drew, among this one and those that it was forked from"""
+"""Identifier of the process that drew first: this process or the one that it was forked from"""
 
 
 class NoScreen(TwinError):
-    """A window is wanted and there is no screen for it."""
+    """No screen is available for a window."""
 
 
 def require_screen() -> None:
-    """Open and close a hidden window.
+    """Check that there is a screen, by opening and closing a hidden window.
 
     Raises:
       NoScreen: there is no screen, or it cannot show OpenGL; the message says what to do.
@@ -48,7 +47,7 @@ def require_screen() -> None:
         raise NoScreen(f"no screen ({' and '.join(DISPLAYS)} are not set): {WAY_OUT}")
     preload_triton()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # GLFW reports as warnings what is raised below
+        warnings.simplefilter("ignore")  # GLFW also warns of the errors that are raised below
         try:
             import glfw
         except ImportError as error:
@@ -69,11 +68,11 @@ class NoOpenGL(TwinError):
 
 
 class ForkedDrawing(TwinError):
-    """A process that was forked from one that had drawn wants to draw: it would wait for ever."""
+    """Drawing in a process that was forked from one that had drawn: it would wait for ever."""
 
 
 def available_backend() -> str | None:
-    """`egl` or `osmesa`, whichever works first, or None. Cheap, and imports no OpenGL."""
+    """Name of the first working backend, `egl` or `osmesa`, or None; imports no OpenGL."""
     wanted = os.environ.get("MUJOCO_GL", "").strip().lower()
     if wanted in ("disable", "disabled", "off", "false", "0"):
         return None
@@ -88,10 +87,10 @@ def available_backend() -> str | None:
 
 
 def claim_drawing() -> None:
-    """Say that this process draws; OpenGL's threads and locks do not live on in a forked one.
+    """Record that this process draws; OpenGL's threads and locks do not survive a fork.
 
     Raises:
-      ForkedDrawing: it was forked from a process that had drawn.
+      ForkedDrawing: this process was forked from a process that had drawn.
     """
     global _drawing
     if _drawing not in (None, os.getpid()):
@@ -104,10 +103,10 @@ def claim_drawing() -> None:
 
 
 def new_context(width: int, height: int) -> Any:
-    """An offscreen context of MuJoCo's, of the preferred backend; at exit it is released.
+    """Make MuJoCo's offscreen context with the preferred backend; it is released at exit.
 
     Args:
-      width, height: [pixel] of the largest picture; OSMesa needs to know.
+      width, height: [pixel] size of the largest picture, which OSMesa needs.
 
     Raises:
       NoOpenGL: no backend works; the message names the Debian packages to install.
@@ -136,7 +135,7 @@ def new_context(width: int, height: int) -> Any:
             context = OsmesaContext(width, height)
         context.make_current()
     except Exception as error:
-        # PyOpenGL and the drivers raise errors of many kinds; all of them mean this.
+        # PyOpenGL and the drivers raise many types of error; all mean that there is no context.
         reason = f"{backend} is installed but gives no context ({error})"
         raise NoOpenGL(f"{reason}. {advice}") from error
     # MuJoCo ends EGL at exit; functions registered later run earlier, so contexts go first.
@@ -146,9 +145,9 @@ def new_context(width: int, height: int) -> Any:
 
 @contextlib.contextmanager
 def keep_current() -> Iterator[None]:
-    """Leave this thread with the EGL context that it draws into now.
+    """Restore this thread's current EGL context at exit.
 
-    dm_control remembers which of its contexts is current, and does not ask OpenGL.
+    dm_control caches which of its contexts is current, and does not ask OpenGL.
     """
     egl = sys.modules.get("OpenGL.EGL")
     before = egl and (
@@ -161,7 +160,7 @@ def keep_current() -> Iterator[None]:
         yield
     finally:
         if egl and before and before[-1]:
-            with contextlib.suppress(egl.EGLError):  # it has been freed since
+            with contextlib.suppress(egl.EGLError):  # the context may have been freed since
                 egl.eglMakeCurrent(*before)
 
 
@@ -172,7 +171,7 @@ def release(context: Any) -> None:
 
 
 def _loaded(*files: str) -> ctypes.CDLL | None:
-    """The first of these shared libraries that is there."""
+    """Load the first of these shared libraries that is available; None without any."""
     for file in files:
         with contextlib.suppress(OSError):
             return ctypes.CDLL(file)
@@ -184,7 +183,7 @@ def _osmesa_works() -> bool:
 
 
 def _egl_works() -> bool:
-    """True when some EGL device can be initialised: the library alone draws nothing."""
+    """Return True if an EGL device can be initialised: the library alone cannot draw."""
     library = _loaded("libEGL.so.1")
     if library is None:
         return False

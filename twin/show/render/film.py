@@ -1,7 +1,7 @@
 """Film: stills and videos of a shot, painted by one process or several, encoded by ffmpeg.
 
-Frames do not depend on who paints them, and are encoded in their order. So a video is the same for
-any number of workers. The ffmpeg is the one that imageio-ffmpeg carries.
+Frames do not depend on the process that paints them, and are encoded in order. So a video is
+identical for any number of workers. The program ffmpeg comes with imageio-ffmpeg.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ from twin.show.render.subject import Shot, Subject
 Pixels = NDArray[np.uint8]
 
 VIDEO_FORMATS, STILL_FORMATS = (".mp4", ".gif"), (".png",)
-AHEAD = 3  # frames for each worker that may wait for the encoder
-GAP = "measured_gap"  # flag of samples that a log does not have
+AHEAD = 3  # most frames for each worker that wait for the encoder
+GAP = "measured_gap"  # flag of interpolated samples in a gap of a log
 QUALITY = 20  # x264's constant rate factor: 18 looks lossless, 23 is its default
-PRESET = "veryfast"  # x264's: half the time of `fast` for a tenth more bytes
-GIF_FPS = 20.0  # at most: a gif's clock counts hundredths and browsers slow down below 3
+PRESET = "veryfast"  # x264's preset: half the time of `fast` for a tenth more bytes
+GIF_FPS = 20.0  # largest frame rate of a gif: browsers slow frames down that last under 0.03 s
 
 
 def still(subject: Subject, shot: Shot, at: float | None = None) -> Pixels:
-    """One picture, (height, width, 3), at mission time `at` [s]; None is the last in the
-    part at which the vehicle's place is known, outside the gaps of a log.
+    """Paint one picture, (height, width, 3), at mission time `at` [s]; None takes the last time in
+    the shown part at which the vehicle's position is known, outside gaps of a log.
     """
     times = shot.still_time(subject.trajectory.time, at, known_samples(subject.trajectory))
     with Painter(subject, shot, times) as painter:
@@ -54,7 +54,7 @@ def still(subject: Subject, shot: Shot, at: float | None = None) -> Pixels:
 
 
 def known_samples(trajectory: Trajectory) -> NDArray[np.bool_]:
-    """Samples at which the place is known and measured, (time,)."""
+    """Mask of the samples whose position is known and outside gaps, (time,)."""
     known = np.isfinite([trajectory[f"true_{name}"] for name in playback.POSITION]).all(axis=0)
     if GAP in trajectory:
         known &= ~(trajectory[GAP] > 0.0)
@@ -87,8 +87,8 @@ def save_video(
     """Write a video (.mp4 or .gif) and return its number of frames.
 
     Args:
-      workers: processes that paint; 1 paints in this one.
-      progress: called after each frame.
+      workers: number of processes that paint; 1 paints in this process.
+      progress: function that is called after each frame.
 
     Raises:
       InputError: unknown ending, impossible size, or the shot does not fit.
@@ -110,12 +110,12 @@ def save_video(
 
 
 def default_workers() -> int:
-    """One painter per core that this process may use: Mesa's own threads gain less."""
+    """Default number of workers: one for each usable core, faster than Mesa's own threads."""
     return processors()
 
 
 def _frames(subject: Subject, shot: Shot, times: Array, workers: int) -> Iterator[Pixels]:
-    """Frames in order; several workers are processes that were not forked, which OpenGL needs."""
+    """Iterate over the frames in order; OpenGL needs workers that are spawned, not forked."""
     if workers == 1:
         with Painter(subject, shot, times) as painter:
             yield from map(painter.paint, range(painter.frames))
@@ -138,11 +138,11 @@ def _frames(subject: Subject, shot: Shot, times: Array, workers: int) -> Iterato
 
 
 def _begin(*shown: Any) -> None:
-    """A worker's first act; interrupts are the parent's to answer, and it ends with its parent."""
+    """Initialise a worker: it ignores interrupts, which its parent handles, and ends with it."""
     global _painter
     _painter = functools.cache(lambda: Painter(*shown))
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.environ["LP_NUM_THREADS"] = "1"  # each has a core, where Mesa would start a thread per core
+    os.environ["LP_NUM_THREADS"] = "1"  # one core for each worker: Mesa must not take all cores
     parent = multiprocessing.parent_process()
     assert parent is not None
 
@@ -154,7 +154,7 @@ def _begin(*shown: Any) -> None:
 
 
 _painter: Callable[[], Painter]
-"""Painter of this worker's film"""
+"""Function that makes this worker's painter once"""
 
 
 def _paint(index: int) -> Pixels:
@@ -162,15 +162,15 @@ def _paint(index: int) -> Pixels:
 
 
 class EncodeError(TwinError):
-    """ffmpeg could not write the video; its last line is in the message."""
+    """Failure of ffmpeg to write the video; the message has ffmpeg's last line."""
 
 
 @contextlib.contextmanager
 def encoder(path: Path, shot: Shot) -> Iterator[Callable[[Pixels], None]]:
-    """Function that adds a frame (height, width, 3) to a video file, which is cut until it ends.
+    """Context with a function that adds frames (height, width, 3) to a video, complete at exit.
 
     Raises:
-      InputError: a size that the format cannot hold, or no imageio-ffmpeg.
+      InputError: the format cannot have this size, or imageio-ffmpeg is missing.
       EncodeError: ffmpeg failed.
     """
     suffix = path.suffix.lower()
@@ -218,7 +218,7 @@ def _command(shot: Shot, suffix: str, path: Path) -> list[str]:
     import imageio_ffmpeg
 
     size, fps = f"{shot.width}x{shot.height}", f"{shot.fps:g}"
-    # One palette for the whole film, and no dither pattern that changes where nothing moves.
+    # Use one palette for the whole film, and a dither pattern that is steady where nothing moves.
     palette = (
         f"fps={min(shot.fps, GIF_FPS):g},split[a][b];[a]palettegen=max_colors=192:stats_mode=full"
         "[p];[b][p]paletteuse=dither=bayer:bayer_scale=4:diff_mode=rectangle"

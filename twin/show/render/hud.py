@@ -1,7 +1,7 @@
-"""HUD: what is drawn over every frame: readouts, labels, legend and depth curve.
+"""HUD (head-up display) drawn over every frame: readouts, labels, legend and depth curve.
 
-The panel is the part of it that stays the same in every frame of a shot; readouts are the figures
-of the strip, as text.
+The panel is the constant part of the display in a shot. Readouts are names and values in the strip
+at the lower edge.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from twin.show.render.stage import Stage
 STRIP_ALPHA, LEGEND_ALPHA = 0.66, 0.45
 BAR, ROW = (190, 11), 20
 """Width and height of the colour bar, and height of a legend's row [pixel of the base picture]"""
-LEGEND_SHARE = 0.32  # width of the legend over the picture's: a smaller picture goes without
+LEGEND_SHARE = 0.32  # largest width of the legend over the picture's; a wider one is left out
 LINE = 1.35  # least height of a legend's row over its font size
 EDGE, CURVE, CURSOR = (120, 190, 215, 150), (200, 226, 238, 255), (255, 150, 60)
 OVERSAMPLING = 3  # the curve is drawn larger and shrunk, for smooth edges
 UNKNOWN = "–"
-SHARED = 2  # moving parts that still share one readout
+SHARED = 2  # most moving parts that share one readout
 
 
 def draw_panel(
@@ -36,11 +36,11 @@ def draw_panel(
     columns: Sequence[float],
     items: Sequence[Readout],
 ) -> Pixels:
-    """The strip with the names of its readouts, the depth curve, the notes and the legend.
+    """Draw the strip with the names of its readouts, the depth curve, the notes and the legend.
 
     Args:
-      notes: lines for the upper left corner, the first of them bold.
-      columns: left edge of each readout [pixel]; readouts without one are left out.
+      notes: lines for the upper left corner, the first line bold.
+      columns: left edge of each readout [pixel]; further readouts are left out.
 
     Returns:
       RGBA, shape (height, width, 4).
@@ -69,7 +69,7 @@ def draw_panel(
 
 
 def _draw_curve(image: Image.Image, canvas: Canvas, stage: Stage) -> None:
-    """Depth against time of the whole part."""
+    """Draw depth against time for the whole shown part."""
     x0, y0, x1, y1 = canvas.curve
     ribbon = stage.lines[0].ribbon
     first, last = ribbon.span
@@ -89,9 +89,9 @@ def _draw_curve(image: Image.Image, canvas: Canvas, stage: Stage) -> None:
 
 
 def _draw_legend(image: Image.Image, canvas: Canvas, stage: Stage) -> None:
-    """Names of the dead-reckoned tracks, the current and the colour scale, lower right.
+    """Draw names of dead-reckoned tracks, the current and the colour scale, lower right.
 
-    A picture so small that the legend would cover the scene has none.
+    No legend is drawn in a picture so small that the legend would cover the scene.
     """
     draw, px = ImageDraw.Draw(image), canvas.px
     size = canvas.font_size(LEGEND)
@@ -140,10 +140,10 @@ def _draw_legend(image: Image.Image, canvas: Canvas, stage: Stage) -> None:
 
 
 class Hud:
-    """Draws over frames of one shot; what does not change is drawn once."""
+    """Display drawn over the frames of one shot; its constant part is drawn once."""
 
     def __init__(self, stage: Stage, poses: Poses, canvas: Canvas, notes: Sequence[str]):
-        """`notes` are lines for the upper left corner, the first of them bold."""
+        """Draw the constant part; `notes` are lines for the upper left corner, the first bold."""
         self._stage, self._poses, self._canvas = stage, poses, canvas
         self._columns, self._value_size = self._arrange()
         panel = draw_panel(canvas, stage, notes, self._columns, readouts(poses, 0))
@@ -167,7 +167,7 @@ class Hud:
         y = canvas.value_top
         for readout, x in zip(readouts(self._poses, index), self._columns, strict=False):
             palette.write(frame, readout.value, x, y, self._value_size, palette.WHITE, bold=True)
-        # where on the depth curve the glider is
+        # mark the glider's place on the depth curve
         x0, y0, x1, y1 = canvas.curve
         first, last = stage.lines[0].ribbon.span
         along = (float(self._poses.time[index]) - first) / (last - first)
@@ -177,7 +177,7 @@ class Hud:
         palette.dot(frame, *place, 3.0 * canvas.unit + 0.5, CURSOR)
 
     def _arrange(self) -> tuple[list[float], int]:
-        """Left edges of the readouts that fit, and the largest font size at which they do."""
+        """Left edges of the readouts that fit, and the largest font size at which they fit."""
         canvas = self._canvas
         left, right = canvas.px(24), canvas.curve[0] - canvas.px(36)
         items = readouts(self._poses, 0)
@@ -192,24 +192,24 @@ class Hud:
             if size > palette.SMALLEST_FONT:
                 size -= 1
             else:
-                items.pop()  # a small picture shows the first ones, and these readably
+                items.pop()  # a small picture shows only the first readouts, but readably
         starts = left + np.concatenate([[0.0], np.cumsum(widths[:-1])])
         return [float(start + i * gap) for i, start in enumerate(starts)], size
 
 
 class Readout(NamedTuple):
-    """One figure of the strip."""
+    """One name and value of the strip."""
 
     name: str
     value: str
-    widest: str  # A value at least as long as all others: it keeps the columns where they are
+    widest: str  # a text as long as the longest value, so that the columns do not move
 
 
 def readouts(poses: Poses, index: int) -> list[Readout]:
-    """Time, depth, pitch, heading, speed, net buoyancy and the moving parts at one frame.
+    """Readouts of time, depth, pitch, heading, speed, net buoyancy and moving parts at one frame.
 
-    What nothing tells in the whole mission has no readout; a log shows what it pumped where the net
-    buoyancy is not known. In a gap of a log nothing but the time is known.
+    A quantity that is unknown in the whole mission has no readout. A log without net buoyancy shows
+    the pumped volume instead. In a gap of a log only the time is known.
     """
     speed, heading = float(poses.speed[index]), round(float(poses.heading[index])) % 360
     rate = f"{speed:.2f} m/s" if np.isfinite(speed) else UNKNOWN
@@ -220,7 +220,7 @@ def readouts(poses: Poses, index: int) -> list[Readout]:
         "heading": Readout("HEADING", f"{heading:03d}°", "000°"),
         "speed": Readout("SPEED", rate, "0.00 m/s"),
         "net_mass": Readout("NET BUOYANCY", buoyancy(float(poses.net_mass[index])), "▼ 0.00 kg"),
-        # a vehicle that pumps less than nothing is heavy
+        # a negative pumped volume means a heavy vehicle
         "pumped": Readout("PUMPED", f"{signed(pumped, 0)} cm³" if np.isfinite(pumped) else UNKNOWN,
                           "+000 cm³"),
     }  # fmt: skip
@@ -234,9 +234,9 @@ def readouts(poses: Poses, index: int) -> list[Readout]:
 
 
 def _parts(poses: Poses, index: int) -> list[Readout]:
-    """Readouts of sliding, turning and spinning parts; a pump shows as net buoyancy.
+    """Readouts of sliding, turning and spinning parts; a pump appears as net buoyancy.
 
-    Two share a readout, as a glider's battery has them; of more each has its own.
+    One or two parts, as those of a glider's battery, share a readout; three or more have their own.
     """
     single = [
         _part(joint, float(value), fine=len(poses.joints) > SHARED)
@@ -248,7 +248,7 @@ def _parts(poses: Poses, index: int) -> list[Readout]:
 
 
 def _part(joint: str, value: float, *, fine: bool) -> Readout:
-    """One part; `fine`: a decimal of its angle too."""
+    """Readout of one part; with `fine` its angle has a decimal."""
     name = joint.replace("_", " ").upper()
     if spins(joint):
         return Readout(name, f"{plain(value, 0)} rad/s", f"{tags.MINUS}000 rad/s")
@@ -259,24 +259,24 @@ def _part(joint: str, value: float, *, fine: bool) -> Readout:
 
 
 def clock(seconds: float) -> str:
-    """Hours, minutes and seconds, such as 1:02:03."""
+    """Format seconds as hours, minutes and seconds, such as 1:02:03."""
     whole = round(seconds)
     return f"{whole // 3600:d}:{whole // 60 % 60:02d}:{whole % 60:02d}"
 
 
 def plain(value: float, digits: int) -> str:
-    """A number with a typographic minus, and none on a rounded zero."""
+    """Format a number with a typographic minus, and without a minus on a rounded zero."""
     return f"{float(value):z.{digits}f}".replace("-", tags.MINUS)
 
 
 def signed(value: float, digits: int) -> str:
-    """As `plain`, with a plus on positive numbers."""
+    """Format a number like `plain`, with a plus on positive numbers."""
     text = plain(value, digits)
     return f"+{text}" if round(float(value), digits) > 0 else text
 
 
 def buoyancy(mass: float) -> str:
-    """Net buoyancy mass [kg] with the way it pulls: a heavy glider (positive) down."""
+    """Format net buoyancy mass [kg] with an arrow: down for a heavy glider (positive)."""
     if not np.isfinite(mass):
         return UNKNOWN
     if abs(mass) < 0.005:

@@ -1,4 +1,4 @@
-"""Painter: frames of a shot as arrays, by MuJoCo's renderer on one offscreen context."""
+"""Painter: renders a shot's frames to arrays with MuJoCo's renderer in an offscreen context."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from twin.show.render.subject import Shot, Subject
 from twin.water.floor.lookup import floor_depth
 
 INSET_EDGE = (150, 200, 220)
-MOST_GEOMS = 4000  # geoms of a scene: a mission of many days has some hundred ribbon chunks
+MOST_GEOMS = 4000  # most geoms of a scene: a mission of many days has some hundred ribbon chunks
 OFF = ("SHADOW", "SKYBOX", "HAZE", "REFLECTION")  # effects that the stage does not use
 TAIL = 0.47
-"""Where the ribbon ends behind the glider's middle, chase camera, over the hull's length"""
-SHORTEST_ARROW = 0.02  # [m] below which an arrow beside the glider is left out
+"""Distance from the glider's middle back to the ribbon's end over hull length, chase camera"""
+SHORTEST_ARROW = 0.02  # [m] least length of a drawn arrow beside the glider
 
 
 class Painter:
-    """Paints frames of one shot; a context manager that releases its OpenGL context.
+    """Painter of one shot's frames; a context manager that releases its OpenGL context.
 
         with Painter(subject, shot, times) as painter:
             pixels = painter.paint(0)
 
-    A frame depends on its index only, not on those painted before it.
+    A frame depends only on its index, not on the frames painted before.
     """
 
     def __init__(self, subject: Subject, shot: Shot, times: Array):
-        """`times` [s], shape (frames,), are the mission times of the frames.
+        """Build the scene; `times` [s], shape (frames,), are the mission times of the frames.
 
         Raises:
           InputError: the shot does not fit the trajectory.
@@ -72,7 +72,7 @@ class Painter:
         return len(self.poses.time)
 
     def paint(self, index: int) -> Pixels:
-        """Frame `index`, shape (height, width, 3); the array is the caller's."""
+        """Paint frame `index` into a new array, shape (height, width, 3)."""
         self._context.make_current()
         glider = self._motion.place(self.poses, index, self._drift[index])
         view = self.view(index)
@@ -90,7 +90,7 @@ class Painter:
         return frame
 
     def view(self, index: int) -> View:
-        """The main camera of frame `index`."""
+        """View of the main camera in frame `index`."""
         if self.stage.chase:
             return camera.chase_view(float(self._bearing[index]), self._frame)
         phase = None if self.frames == 1 else index / (self.frames - 1)
@@ -107,7 +107,7 @@ class Painter:
     def _draw(
         self, view: View, option: mujoco.MjvOption, box: tuple[int, int, int, int] | None = None
     ) -> None:
-        """Draw the model as it stands, into a box (left, top, width, height) [pixel] or all."""
+        """Draw the model's present state, into a box (left, top, width, height) [pixel] or all."""
         every = mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(
             self.model, self.data, option, self._perturb, self._camera, every, self.scene
@@ -124,7 +124,7 @@ class Painter:
         mujoco.mjr_uploadMesh(self.model, self._renderer, mesh)
 
     def _drifts(self) -> Array:
-        """Where the cell of particles is: they move with the water, past the glider. (frames, 3)"""
+        """Positions of the particles' cell, (frames, 3), which drifts with the water."""
         moved = np.zeros((self.frames, 3))
         if not self.stage.snow:
             return moved
@@ -134,7 +134,7 @@ class Painter:
         return drift_of(moved, self.stage.layout.display(self.poses.position))
 
     def _notes(self, subject: Subject) -> list[str]:
-        """The title, and what a reader must know: scales, and the sources of a log's track."""
+        """Title, and a line of scales and of the sources of a log's track and speed."""
         layout, facts = self.stage.layout, []
         if self.frames > 1:
             span = float(self.poses.time[-1] - self.poses.time[0])
@@ -152,7 +152,7 @@ class Painter:
 
 
 def write_mesh(model: mujoco.MjModel, mesh: int, shape: Shape) -> None:
-    """Give a mesh new vertices, normals and texture coordinates; the graphics are not told."""
+    """Write vertices, normals and texture coordinates of a mesh into the model, not to the GPU."""
     given = {"vert": shape.vertices, "normal": shape.normals, "texcoord": shape.coordinates}
     for kind, values in given.items():
         if values is not None:
@@ -161,7 +161,7 @@ def write_mesh(model: mujoco.MjModel, mesh: int, shape: Shape) -> None:
 
 
 def aim(scene: mujoco.MjvScene, view: View) -> None:
-    """Make both eyes of a scene see `view`."""
+    """Set both cameras of a scene (left and right eye) to `view`."""
     centre, half_width, low, high = view.frustum()
     for eye in scene.camera:
         eye.pos[:], eye.forward[:], eye.up[:] = view.position, view.forward, view.up
@@ -181,11 +181,11 @@ def shown(*groups: int) -> mujoco.MjvOption:
 
 
 Reshape = Callable[[int, Shape], None]
-"""Gives the mesh of this id a new shape, in the frame of its geom; the faces stay"""
+"""Function that gives the mesh of an id a new shape, in its geom's frame; the faces stay"""
 
 
 class Motion:
-    """Moves one stage; what it shows depends on the given pose only."""
+    """Motion of one stage: moves its bodies, ribbons and arrows to a given pose."""
 
     def __init__(self, stage: Stage, data: mujoco.MjData, reshape: Reshape):
         self._stage, self._data, self._reshape = stage, data, reshape
@@ -197,10 +197,10 @@ class Motion:
         }
 
     def place(self, poses: Poses, index: int, drift: Array) -> Array:
-        """Show a row of `poses`; returns the glider's display point, shape (3,).
+        """Move the stage to a row of `poses`; return the glider's display point, shape (3,).
 
         Args:
-          drift: place of the cell of particles (3,), display units; see `drift_of`.
+          drift: position of the particles' cell (3,), display units; see `drift_of`.
         """
         stage, model, data = self._stage, self._stage.model, self._data
         here = stage.layout.display(poses.position[index])
@@ -209,10 +209,10 @@ class Motion:
         data.qpos[hull : hull + 7] = [*(here - shift), *poses.quaternion[index]]
         turn, found = np.zeros(4), np.zeros(4)
         rows = zip(poses.joints, poses.parts[index], poses.angles[index], strict=True)
-        for part, position, angle in rows:  # a part may move without being drawn so
+        for part, position, angle in rows:  # a part's motion may be invisible
             if part in self._addresses:
                 data.qpos[self._addresses[part]] = position
-            if (drawn := stage.turned.get(part)) is not None:  # its true angle, on the hull
+            if (drawn := stage.turned.get(part)) is not None:  # turn the body by its true angle
                 mujoco.mju_axisAngle2Quat(turn, drawn.axis, angle)
                 mujoco.mju_mulQuat(found, turn, drawn.rest)
                 model.body_quat[drawn.body] = found
@@ -221,7 +221,7 @@ class Motion:
             model.geom_group[geoms] = shapes.UNSEEN_GROUP if lost else self._groups[geoms]
         level = [0.0, 0.0, -shift[2]]
         places = {shapes.WATER: -shift, shapes.LEVEL: level, shapes.DRIFT: drift}
-        if stage.floor is not None and stage.ground:  # it fades with its distance
+        if stage.floor is not None and stage.ground:  # the sea floor fades with distance
             north, east, depth = poses.position[index]
             altitude = float(floor_depth(stage.floor, north, east) - depth)
             places[shapes.SEABED] = [0.0, 0.0, -altitude]
@@ -240,7 +240,7 @@ class Motion:
         return here - shift
 
     def _reveal(self, poses: Poses, index: int, here: Array) -> None:
-        """Show the ribbons up to now; the true one ends at the glider, or at its tail."""
+        """Show the ribbons up to the frame's time; the true one ends at the glider or its tail."""
         stage, time = self._stage, float(poses.time[index])
         alpha = stage.model.geom_rgba[:, 3]
         for line in stage.lines:
@@ -261,7 +261,7 @@ class Motion:
             self._reshape(mesh, line.ribbon.head(time, tip, clear))
 
     def _place_arrows(self, poses: Poses, index: int) -> None:
-        """Place the current's arrows beside the glider, each in the slot of its depth."""
+        """Place the current's arrows beside the glider; each depth keeps its geom."""
         model, slots = self._stage.model, self._stage.arrows
         model.geom_rgba[slots, 3] = 0.0
         for depth, start, vector in self._stage.ladder(poses, index) if slots else ():
@@ -273,8 +273,8 @@ class Motion:
 
 
 def drift_of(moved: Array, glider: Array) -> Array:
-    """Where the cell of particles is, when the water has `moved` past the glider's place.
+    """Position of the particles' cell relative to the glider, when the water has `moved`.
 
-    Both in display units, shape (..., 3); the cell repeats, so the result lies within one.
+    All are in display units, shape (..., 3). The cell repeats, so the result is modulo its size.
     """
     return np.asarray((moved - glider) % sea.SNOW_BOX)

@@ -1,4 +1,4 @@
-"""Playback: a trajectory at the times of the frames, gaps closed, and what colours its track."""
+"""Playback: poses of a trajectory at the frames' times, gaps closed, and colours of its track."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from twin.records.trajectory import Trajectory, actuator_names
 from twin.show.render.camera import Array, nice_step
 
 SLIDES, TURNS, SPINS = "m", "degree", "rad s-1"
-"""Units of what moves on a rail, about an axis, and round and round"""
-DISPLACES = "cm3"  # unit of what changes the volume
+"""Units of parts that slide on a rail, turn to an angle, and spin"""
+DISPLACES = "cm3"  # unit of parts that change the volume
 POSITION = ("north", "east", "depth")  # signals without which nothing can be drawn
 ATTITUDE = ("roll", "pitch", "heading")
 BODY = ("surge", "sway", "heave")
@@ -29,23 +29,23 @@ SIGNALS = {
     "current": (("true_current_north", "true_current_east"), "current speed", "m/s"),
     "depth": (("true_depth",), "depth", "m"),
 }
-"""Components whose length is the value, the label and the unit"""
-LEAST_RANGE = 0.02  # [m/s] of a colour scale: less would colour noise
+"""Components whose norm is the value, label and unit, by the name of the colouring quantity"""
+LEAST_RANGE = 0.02  # [m/s] least range of a colour scale: a smaller one would show noise
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Poses:
-    """Where the glider is at some times, NED and FRD; angles in degrees as in stores."""
+    """Poses and readouts of the glider at some times, NED and FRD; angles in degrees."""
 
     time: Array  # [s], shape (n,)
     position: Array  # north, east, depth [m], shape (n, 3)
     quaternion: Array  # hull to MuJoCo's world (w, x, y, z), shape (n, 4)
     joints: tuple[str, ...]
-    """The parts that slide, turn or spin, as the vehicle's joints and bodies are called"""
-    parts: Array  # their positions [m], [rad] or [rad/s], shape (n, number of joints)
+    """Names of the parts that slide, turn or spin, equal to those of the joints and bodies"""
+    parts: Array  # positions of the parts [m], [rad] or [rad/s], shape (n, number of joints)
     angles: Array
-    """Angle [rad] through which each has turned, the integral of a spinning one's rate; 0 for what
-    slides. Shape (n, number of joints)"""
+    """[rad] Angle through which each part has turned, for a spinning part the integral of its rate,
+    0 for a sliding part. Shape (n, number of joints)"""
     roll: Array
     pitch: Array
     heading: Array  # [degree], shape (n,)
@@ -53,19 +53,19 @@ class Poses:
     net_mass: Array  # [kg], positive is heavy, shape (n,); NaN where unknown
     current: Array  # north, east [m/s], shape (n, 2); NaN where unknown
     pumped: Array | None = None
-    """[cm3] of a log, whose net mass nobody knows, shape (n,); NaN where unknown"""
+    """[cm3] Pumped volume in a log, whose net mass is unknown, shape (n,); NaN where unknown"""
     bridged: NDArray[np.bool_] | None = None
-    """Where the log has a gap, so that all but the time is only drawn, shape (n,)"""
+    """True in a gap of the log, where all values but the time are interpolated, shape (n,)"""
     unknown: frozenset[str] = frozenset()
-    """Which of roll, pitch, heading, speed, net_mass and pumped nothing tells at any time"""
+    """Names among roll, pitch, heading, speed, net_mass and pumped that are never known"""
 
 
 def poses(trajectory: Trajectory, times: Array) -> Poses:
-    """The trajectory interpolated to `times` [s].
+    """Interpolate a trajectory to `times` [s].
 
-    The pose comes from the recorded MuJoCo states, so that at a recorded time it is that state to
-    the bit; where a store has none (real logs), it comes from the attitude and position signals.
-    Angles that a log lacks are drawn along the track, and said to be unknown.
+    The pose comes from the recorded MuJoCo states, and equals them to the bit at recorded times. In
+    a store without states (real logs) the pose comes from attitude and position signals. Angles
+    that a log lacks follow the track's direction, and are listed in `unknown`.
 
     Raises:
       InputError: a needed signal is missing or never finite.
@@ -111,7 +111,7 @@ def poses(trajectory: Trajectory, times: Array) -> Poses:
 
 
 def _unknown(trajectory: Trajectory) -> frozenset[str]:
-    """Which readouts nothing tells at any time of the mission."""
+    """Names of the readouts that are unknown during the whole mission."""
     names = {name: (name,) for name in (*ATTITUDE, "net_mass")} | {"speed": BODY}
     unknown = {
         name
@@ -124,20 +124,20 @@ def _unknown(trajectory: Trajectory) -> frozenset[str]:
 
 
 def _volume(trajectory: Trajectory) -> Array:
-    """Volume that all parts together displace by oil or water [cm3], (time,); NaN: unknown."""
+    """[cm3] Volume that all pumps together displace, (time,); NaN where unknown."""
     parts = [name for name in actuator_names(VARIABLES) if _unit(name) == DISPLACES]
     moved = [values for name in parts if np.isfinite(values := told(trajectory, name)).any()]
     return np.asarray(np.sum(moved, axis=0)) if moved else np.full(len(trajectory.time), np.nan)
 
 
 def _gaps(trajectory: Trajectory) -> Array:
-    """1 where the log has no sample and values are straight lines, else 0, (time,)."""
+    """Flag of gaps, (time,): 1 where the log has no sample and values are interpolated, else 0."""
     gap = trajectory.signals.get("measured_gap", np.zeros(len(trajectory.time)))
     return np.nan_to_num(gap, nan=1.0)  # between two dives that are drawn together
 
 
 def along_track(trajectory: Trajectory, name: str) -> Array:
-    """Roll, pitch or heading [degree] of a vehicle that points where it goes, (time,)."""
+    """Roll, pitch or heading [degree] of a vehicle that points along its track, (time,)."""
     if name == "roll":
         return np.zeros(len(trajectory.time))
     north, east, down = (np.gradient(signal(trajectory, n), trajectory.time) for n in POSITION)
@@ -147,10 +147,10 @@ def along_track(trajectory: Trajectory, name: str) -> Array:
 
 
 def moving_parts(signals: Collection[str]) -> tuple[str, ...]:
-    """The parts that slide, turn or spin; a vehicle's log may hold no truth and no command of them.
+    """Names of the parts that slide, turn or spin; a log may have only their measured signals.
 
     Args:
-      signals: names of signals.
+      signals: names of the trajectory's signals.
     """
     logged = (part for part in actuator_names(VARIABLES) if f"measured_{part}" in signals)
     parts = tuple(dict.fromkeys([*actuator_names(signals), *logged]))
@@ -158,8 +158,8 @@ def moving_parts(signals: Collection[str]) -> tuple[str, ...]:
 
 
 def part_motion(trajectory: Trajectory, joints: Sequence[str], times: Array) -> tuple[Array, Array]:
-    """Positions [m], [rad] or [rad/s] of parts at `times` [s], and the angles [rad] through which
-    they have turned, both of shape (times, joints)."""
+    """Positions [m], [rad] or [rad/s] of parts at `times` [s], and angles [rad] through which the
+    parts have turned, both of shape (times, joints)."""
     time = trajectory.time
     positions, angles = np.zeros((2, len(times), len(joints)))
     for k, joint in enumerate(joints):
@@ -174,12 +174,12 @@ def part_motion(trajectory: Trajectory, joints: Sequence[str], times: Array) -> 
 
 
 def turns(part: str) -> bool:
-    """Whether the part turns to an angle, as a rudder does."""
+    """Return True if the part turns to an angle, as a rudder does."""
     return _unit(part) == TURNS
 
 
 def spins(part: str) -> bool:
-    """Whether the part's position is a rate of turn, as a propeller's is."""
+    """Return True if the part's position is a rotation rate, as a propeller's is."""
     return _unit(part) == SPINS
 
 
@@ -188,7 +188,7 @@ def _unit(part: str) -> str:
 
 
 def signal(trajectory: Trajectory, name: str) -> Array:
-    """The true signal `name`, or the measured one, with gaps closed by interpolation."""
+    """True signal `name`, or else the measured one, with gaps closed by interpolation."""
     for prefix in ("true_", "measured_", "measured_onboard_"):
         values = trajectory.signals.get(prefix + name)
         if values is not None and np.isfinite(values).any():
@@ -199,7 +199,7 @@ def signal(trajectory: Trajectory, name: str) -> Array:
 
 
 def optional(trajectory: Trajectory, name: str, default: float) -> Array:
-    """As `signal`, but `default` everywhere when the trajectory has no such signal."""
+    """Signal as from `signal`, but `default` everywhere if the trajectory has none."""
     try:
         return signal(trajectory, name)
     except InputError:
@@ -207,7 +207,7 @@ def optional(trajectory: Trajectory, name: str, default: float) -> Array:
 
 
 def told(trajectory: Trajectory, name: str) -> Array:
-    """The true signal `name`, or the measured one, as it is: NaN where nothing tells."""
+    """True signal `name`, or else the measured one, with NaN where unknown."""
     for prefix in ("true_", "measured_"):
         values = trajectory.signals.get(prefix + name)
         if values is not None:
@@ -216,7 +216,7 @@ def told(trajectory: Trajectory, name: str) -> Array:
 
 
 def closed(time: Array, values: Array, *, circular: bool = False) -> Array:
-    """Values with NaN replaced by interpolation; `circular` values [degree] the short way round."""
+    """Replace NaN by interpolation; `circular` values [degree] go the short way round."""
     known = np.isfinite(values)
     if known.all():
         return values
@@ -226,15 +226,15 @@ def closed(time: Array, values: Array, *, circular: bool = False) -> Array:
 
 
 def _interpolate(times: Array, recorded: Array, values: Array) -> Array:
-    """Linear interpolation of (samples, k) values, shape (times, k)."""
+    """Interpolate values (samples, k) linearly, shape (times, k)."""
     return np.stack([np.interp(times, recorded, column) for column in values.T], axis=-1)
 
 
 def interpolate_quaternion(times: Array, recorded: Array, quaternions: Array) -> Array:
-    """Normalised linear interpolation of unit quaternions along the shorter arc, shape (times, 4).
+    """Interpolate unit quaternions linearly along the shorter arc and normalise, shape (times, 4).
 
-    Samples lie close together (0.5 s), so that it differs from the great arc by less than any
-    picture shows.
+    Samples lie close together (0.5 s), so that the difference from spherical interpolation is
+    invisible.
     """
     after = np.clip(np.searchsorted(recorded, times, side="right"), 1, len(recorded) - 1)
     before = after - 1
@@ -248,17 +248,17 @@ def interpolate_quaternion(times: Array, recorded: Array, quaternions: Array) ->
 
 
 class Scale(NamedTuple):
-    """A colour scale."""
+    """Colour scale of the track: label, range, and clipping of values."""
 
     label: str
     low: float
     high: float
     clipped: tuple[bool, bool] = (False, False)
-    """Whether some values are below `low`, and above `high`: they have the colours of the ends"""
+    """True if values lie below `low`, and above `high`; those get the colours of the ends"""
 
     @property
     def ends(self) -> tuple[str, str]:
-        """Words for both ends, which say whether values go beyond them."""
+        """Labels of both ends, with a sign where values lie beyond."""
         (below, above), digits = self.clipped, 2 if self.high < 10.0 else 0
         return "≤ " * below + f"{self.low:.{digits}f}", "≥ " * above + f"{self.high:.{digits}f}"
 
@@ -269,12 +269,12 @@ def track_values(
     shown: NDArray[np.bool_],
     tracks: Sequence[NamedTrack],
 ) -> tuple[Array, Scale]:
-    """Values of the samples `shown` and the scale that colours them; `colour` as in `Shot`.
+    """Values of the samples `shown`, and their colour scale; `colour` as in `Shot`.
 
-    Of a log they are NaN where nothing tells them.
+    Values of a log are NaN where unknown.
 
     Raises:
-      InputError: the mission does not record the signal, or error is wanted without tracks.
+      InputError: the mission lacks the signal, or `colour` is "error" without tracks.
     """
     if colour == "error":
         return _errors(trajectory, shown, tracks)
@@ -303,7 +303,7 @@ def track_values(
 
 
 def _known(trajectory: Trajectory, colour: str) -> bool:
-    """Whether a mission has anything to colour so."""
+    """Return True if a mission has the signals of a colouring quantity."""
     return all(
         name in trajectory and bool(np.isfinite(trajectory[name]).any())
         for name in SIGNALS[colour][0]
@@ -313,7 +313,7 @@ def _known(trajectory: Trajectory, colour: str) -> bool:
 def _errors(
     trajectory: Trajectory, shown: NDArray[np.bool_], tracks: Sequence[NamedTrack]
 ) -> tuple[Array, Scale]:
-    """Distance [m] of the first dead-reckoned track from the true one."""
+    """Distance [m] of the first dead-reckoned track from the true track, and its colour scale."""
     if not tracks:
         raise InputError("colouring by error needs a dead-reckoned track: give --tracks FILE")
     named = f"of {tracks[0].title}"

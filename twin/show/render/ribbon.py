@@ -1,10 +1,10 @@
-"""Ribbons and arrows: a track as a tube that grows as the glider flies it, and the current.
+"""Ribbons and arrows: a track as a tube that grows with the flight, and arrows of the current.
 
-The tube is cut into chunks of a few nodes. Chunks that lie wholly in the past are drawn; the one
-in which the glider is, is replaced by the `head`, a short tube that is reshaped for each frame
-and ends at the glider.
+The tube is cut into chunks of a few nodes. Chunks that are wholly flown are drawn. The `head`
+replaces the chunk that is being flown: a short tube that is reshaped for each frame and ends at
+the glider.
 
-Arrows show the current along the depth profile, on a mast in the block or beside the glider.
+Arrows show the current against depth, on a mast in the block or beside the glider.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from twin.show.render.camera import Array, SceneLayout, nice_step
 from twin.show.render.shapes import WORLD, Props, Shape, tube
 
 CHUNK, SIDES = 24, 7  # segments per chunk, and around the tube
-MOST_NODES = 3600  # nodes of one track; the tolerance grows until they suffice
+MOST_NODES = 3600  # most nodes of one track; the tolerance grows until they suffice
 TEXELS = 4096  # samples of the colour along the track
-ARROWS = 11  # arrows of a mast, about
+ARROWS = 11  # approximate number of arrows of a mast
 LENGTH_SHARE = 0.11  # length of the strongest current's arrow over the block's length
 THICKNESS_SHARE = 0.0028  # radius of an arrow's shaft over the block's length
 LADDER_LENGTH, LADDER_RADIUS = 1.0, 0.03
-"""[m] of the strongest current's arrow beside the glider, and radius of the arrows there"""
+"""[m] Length of the strongest current's arrow beside the glider, and radius of the arrows there"""
 LADDER_STEP, LADDER_REACH = 1.0, 2.6
-"""[m] between the arrows beside the glider, and how far above and below it they reach"""
+"""[m] Distance between the arrows beside the glider, and their reach above and below the glider"""
 LADDER_SLOTS = math.floor(2 * LADDER_REACH / LADDER_STEP) + 1
-"""Arrows beside the glider at any one time, at most"""
-LADDER_OFFSET = (0.2, -3.0)  # [m] ahead and to starboard of the glider at which these arrows start
-STILL = 1e-4  # [m/s] below which water counts as still
+"""Most arrows beside the glider at one time"""
+LADDER_OFFSET = (0.2, -3.0)  # [m] start of these arrows ahead and to starboard of the glider
+STILL = 1e-4  # [m/s] speed below which water counts as still
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Ribbon:
-    """A track in display units, ready to be meshed."""
+    """Track in display units, with the radius and colour range of its tube."""
 
     time: Array  # [s] of each node, increasing, shape (n,)
     nodes: Array  # shape (n, 3)
@@ -56,7 +56,7 @@ class Ribbon:
         return np.arange(0, len(self.nodes) - 1, CHUNK, dtype=np.int64)
 
     def chunks(self) -> list[Shape]:
-        """The tube of each chunk."""
+        """Tubes of all chunks."""
         parts = [slice(first, first + CHUNK + 1) for first in self.starts()]
         return [
             tube(self.nodes[part], self.radius, SIDES, self.along(self.time[part]))
@@ -68,14 +68,14 @@ class Ribbon:
         return self.time[np.minimum(self.starts() + CHUNK, len(self.nodes) - 1)]
 
     def at(self, time: float) -> Array:
-        """The track's point at a mission time [s], shape (3,)."""
+        """Point of the track at a mission time [s], shape (3,)."""
         return np.array([np.interp(time, self.time, column) for column in self.nodes.T])
 
     def head(self, time: float, tip: Array, clear: float = 0.0) -> Shape:
-        """The tube from the running chunk's start to `tip` (3,), always of CHUNK + 2 nodes.
+        """Tube from the start of the chunk at `time` to `tip` (3,), always with CHUNK + 2 nodes.
 
         Nodes nearer than `clear` to the tip are left out, so that the tube does not double back
-        where the tip lags behind the track's own end.
+        where the tip (such as the glider's tail) lies behind the track's end.
         """
         starts = self.starts()
         running = int(np.searchsorted(self.chunk_ends(), time, side="right"))
@@ -95,7 +95,7 @@ class Ribbon:
 
 
 def simplify(points: Array, tolerance: float, most: int = MOST_NODES) -> NDArray[np.int64]:
-    """Indices of the points (n, 3) that a polyline within `tolerance` needs (Douglas-Peucker).
+    """Indices of the points (n, 3) of a polyline that stays within `tolerance` of all points.
 
     The tolerance is doubled until at most `most` points are left. Ramer (1972), Douglas and
     Peucker (1973).
@@ -148,13 +148,13 @@ class ArrowProfile:
 
 
 def profile(depth: Array, velocity: Array) -> ArrowProfile:
-    """The profile of samples: depth [m] (n,), velocity north and east [m/s] (n, 2)."""
+    """Average samples to a profile: depth [m] (n,), velocity north and east [m/s] (n, 2)."""
     centres, means = mean_profile(np.clip(depth, 0.0, None), *velocity.T)
     return ArrowProfile(depth=centres, velocity=np.stack(means, axis=-1))
 
 
 def add_mast(props: Props, layout: SceneLayout, current: ArrowProfile, path: Array) -> None:
-    """A mast with an arrow at round depths, where it is least in the way of `path` (n, 3) NED."""
+    """Add a mast with arrows at round depths, at the place freest from `path` (n, 3) NED [m]."""
     if current.strongest == 0.0:
         return
     length = float(layout.size[:2].max() * layout.scale)
@@ -186,12 +186,12 @@ def mast_depths(current: ArrowProfile) -> list[float]:
 def ladder(
     current: ArrowProfile, depth: float, heading: float, floor: float
 ) -> list[tuple[float, Array, Array]]:
-    """Arrows beside the glider at round depths, chase camera.
+    """Arrows of the current beside the glider at round depths, for the chase camera.
 
     Args:
-      depth: [m] of the glider.
-      heading: [rad]
-      floor: [m]
+      depth: [m] depth of the glider.
+      heading: [rad] heading of the glider.
+      floor: [m] depth of the floor, below which there is no arrow.
 
     Returns:
       for each arrow its depth [m], start and vector in display units from the glider, both (3,).
@@ -212,7 +212,7 @@ def ladder(
 
 
 def add_ladder(props: Props) -> list[str]:
-    """Arrows that are reshaped for each frame; the names of their geoms."""
+    """Add the arrows beside the glider, reshaped for each frame; return their geoms' names."""
     arrow = ladder_arrow(np.array([1.0, 0.0, 0.0]))
     return [
         props.add(f"ladder_{i}", arrow, canvas.CURRENT, material="lit", body=WORLD)
@@ -221,17 +221,17 @@ def add_ladder(props: Props) -> list[str]:
 
 
 def ladder_arrow(vector: Array) -> Shape:
-    """An arrow beside the glider, from the origin of its geom, in display units."""
+    """Shape of an arrow beside the glider, from the origin of its geom, in display units."""
     radius = min(LADDER_RADIUS, float(np.linalg.norm(vector)) / 8)
     return shapes.arrow(np.zeros(3), vector, radius)
 
 
 def free_place(layout: SceneLayout, path: Array, share: float) -> Array:
-    """North, east [m] of the place near the block's corners that the track leaves most free.
+    """North, east [m] of the place near a corner of the block that is farthest from the track.
 
     Args:
-      path: NED [m], (n, 3).
-      share: length of the longest arrow there over the block's.
+      path: track in NED [m], (n, 3).
+      share: length of the longest arrow there over the block's length.
     """
     x, y = layout.size[:2]
     room = 1.2 * share * float(max(x, y))

@@ -1,6 +1,6 @@
-"""Sea: the water around the track, and the ground below it. A block; a chart; open water.
+"""Sea: the water around the track and the ground below, as a block, a chart or open water.
 
-The ground is the mission's own sea floor where its scenario has one, else decoration.
+The ground is the mission's sea floor if its scenario has one, else decoration.
 """
 
 from __future__ import annotations
@@ -19,42 +19,42 @@ from twin.water.floor.lookup import floor_depths
 
 OPEN_BANDS, BANDS, WALL_BANDS = 256, 96, 96
 """Steps of the colour gradients of open water, of the backdrop around a block and behind the
-close-up, and of walls: fine enough that the eye sees none"""
+close-up, and of walls: too fine to be seen"""
 REACH = 70.0
-"""[m] that one sees through the water, straight up or down: sets the backdrop's gradient"""
-OPEN_RADIUS = 700.0  # [m] of the chase camera's backdrop
+"""[m] Visible distance straight up or down through the water: sets the backdrop's gradient"""
+OPEN_RADIUS = 700.0  # [m] radius of the chase camera's backdrop
 RELIEF, CELLS, CHART_CELLS = 26, 96, 200
-"""Grid cells along each side of decorative relief and waves, of a floor, and of the map's floor,
-where edges of colours are seen"""
+"""Grid cells along each side: of decorative relief and waves, of a sea floor, and of the map's
+floor, whose colour edges are visible"""
 RELIEF_SHARE = 0.05  # largest height of the floor's relief over the block's depth
 SHADOW_LIFT, SHADOW_WIDTH = 0.03, 0.1
-"""[display units] of a shadow over the ground that it falls on, and across"""
+"""[display units] Height of a shadow above the ground, and width of the shadow"""
 WAVE_SHARE = 0.0035  # height of the drawn waves over the block's length
 OPEN_FADE, FADES = 90.0, 48
-"""[m] at which surface and floor fade out for the chase camera, and rings of the fading"""
+"""[m] Distance at which surface and floor fade out for the chase camera; number of fading rings"""
 SNOW_BOX, SNOW_COUNT, SNOW_SIZE = 14.0, 260, 0.010
-"""[m] of the cube of drifting particles, their number and radius [m]: our choice, for motion"""
+"""Cube of drifting particles that show motion: side [m], number, radius [m]; our choice"""
 IN_SIGHT = 2.0
-"""The block is at most this much deeper than it would be without a floor: a dive to 100 m above
-an abyss stays a dive"""
-BELOW = 1.04  # depth of the block over that of the deepest floor in it
+"""Largest depth of a block with a sea floor over its depth without one, so that a dive to 100 m
+above an abyss stays visible"""
+BELOW = 1.04  # depth of the block over the depth of the deepest floor in it
 CHART_BANDS = 14  # steps of the map's colours
 SHADED, LIT = 0.95, 0.18
-"""Shares of the palette's water colours from the deepest to the shallowest floor"""
-SEEN_FROM = 70.0  # [m] height from which the chase camera sees the floor no more
+"""Relative depths in the water palette, 0 to 1, of the two ends of the map's floor colours"""
+SEEN_FROM = 70.0  # [m] altitude from which the chase camera no longer sees the floor
 ABOVE, PALE = np.array([0.10, 0.42, 0.55]), np.array([0.9, 0.97, 1.0])
-"""The surface seen from above, and lines"""
+"""Colours of the surface seen from above, and of lines"""
 
 
 def backdrop_radius(layout: SceneLayout) -> float:
-    """[display units] of a sphere that holds the block and the cameras that frame it."""
+    """[display units] Radius of a sphere around the block and the cameras that frame it."""
     return 6.0 * float(np.linalg.norm(layout.size * layout.factors)) + 60.0
 
 
 def add_backdrop(
     props: Props, name: str, group: int, radius: float, *, light: bool, bands: int = BANDS
 ) -> list[str]:
-    """A sphere around everything, in bands whose colours make a gradient; their names."""
+    """Add a sphere around the scene, in bands that form a colour gradient; return their names."""
     colours = backdrop_colours(0.0 if light else None, bands)
     look: dict[str, Any] = {"group": group, "body": WORLD}
     return [
@@ -71,17 +71,17 @@ def backdrop_colours(depth: float | None, bands: int) -> Array:
     """Colours of a backdrop's bands, shape (bands, 3).
 
     Args:
-      depth: [m] from which open water is seen; negative is above it; None: a dark backdrop.
+      depth: [m] depth of the viewpoint in open water, negative above; None: a dark backdrop.
     """
     edges = _elevations(bands)
     rise = np.sin((edges[1:] + edges[:-1]) / 2)[:, None]
-    # The sun lights what faces up, which is the backdrop's lower half; it must not look lit.
+    # The sun lights faces that point up, the backdrop's lower half: compensate that.
     dim = 1.0 / (1.0 + SUN * np.clip(-rise, 0.0, None))
     if depth is None:
         blend = 0.5 + 0.5 * np.tanh(2.2 * rise)
         top, bottom = canvas.BACKDROP_TOP, canvas.BACKDROP_BOTTOM
         return np.asarray(dim * (bottom + blend * (top - bottom)))
-    # Looking up is looking at shallower, brighter water; looking down the reverse.
+    # A view upwards sees shallower, brighter water; a view downwards the reverse.
     light = np.exp(-np.clip(depth - REACH * rise, 0.0, None) / canvas.LIGHT_DEPTH)
     seen = canvas.DEEP_LIGHT + (canvas.SURFACE_LIGHT - canvas.DEEP_LIGHT) * light
     up = np.clip(rise, 0.0, None)
@@ -93,13 +93,13 @@ def backdrop_colours(depth: float | None, bands: int) -> Array:
 def add_block(
     props: Props, layout: SceneLayout, floor: Array | None, path: Array, *, cut: bool = False
 ) -> None:
-    """Walls coloured by depth with ticks, the surface, the ground and the path's shadow on it.
+    """Add walls coloured by depth with ticks, the surface, the ground and the path's shadow.
 
     Args:
       floor: table of the sea floor.
-      path: (n, 3) NED [m].
-      cut: take away the sea floor on the starboard side of the path, from where the side camera
-        looks: nothing may stand in front of the turns of its dives.
+      path: track in NED [m], (n, 3).
+      cut: leave out the sea floor between the side camera and the path, so that no ground hides
+        the lower turns of the dives.
     """
     corners = layout.corners()
     bottom = float(corners[4, 2])
@@ -137,7 +137,7 @@ def add_block(
 
 
 def add_chart(props: Props, layout: SceneLayout, floor: Array | None) -> None:
-    """A grid of round metres over the ground, in the colour of deep water or by its depth."""
+    """Add a chart: a grid of round metres over ground coloured by depth, or as deep water."""
     corners = layout.corners()
     if floor is None:
         _add_made_up(props, layout, canvas.water_colour(0.62))
@@ -155,7 +155,7 @@ def add_chart(props: Props, layout: SceneLayout, floor: Array | None) -> None:
     props.add("rim", shapes.merge(rim), np.ones(3), alpha=0.6)
     if floor is None:
         return
-    # The ground in colours of depth, level so that no slope hides the track.
+    # The ground has colours of depth, but is level so that no slope hides the track.
     found = floor_grid(floor, layout, CHART_CELLS)
     shape = sheet(layout, np.full_like(found, -float(layout.high[2]) * layout.factors[2]))
     middle = found.ravel()[shape.faces].mean(axis=1)
@@ -169,10 +169,10 @@ def add_chart(props: Props, layout: SceneLayout, floor: Array | None) -> None:
 
 
 def add_open_water(props: Props, layout: SceneLayout, floor: Array | None) -> list[str]:
-    """Surface and ground as rings around the glider that fade with distance.
+    """Add surface and ground as rings around the glider that fade with distance.
 
     Returns:
-      names of the rings of a `floor`, which is moved with its depth under the glider.
+      names of the ground's rings if there is a `floor`; they move with the depth under the glider.
     """
     radii = OPEN_FADE * np.linspace(0.0, 1.0, FADES + 1) ** 1.4
     names = []
@@ -189,10 +189,10 @@ def add_open_water(props: Props, layout: SceneLayout, floor: Array | None) -> li
 
 
 def add_snow(props: Props) -> str:
-    """Particles in the water, so that motion shows; the geom's name. They repeat every SNOW_BOX."""
+    """Add particles that make motion visible, repeated every SNOW_BOX; return the geom's name."""
     rng = np.random.default_rng(5)
     cell = rng.uniform(0.0, SNOW_BOX, size=(SNOW_COUNT, 3))
-    # Eight copies of one cell: moved by less than a cell, they look endless.
+    # Eight copies of one cell look endless, since they are moved by less than a cell.
     copies = [cell + SNOW_BOX * (np.array(o) - 1.0) for o in np.ndindex(2, 2, 2)]
     sizes = np.tile(SNOW_SIZE * rng.uniform(0.4, 1.0, SNOW_COUNT), 8)
     grains = shapes.grains(np.concatenate(copies), sizes)
@@ -200,7 +200,7 @@ def add_snow(props: Props) -> str:
 
 
 def floor_grid(table: Array, layout: SceneLayout, cells: int = CELLS) -> Array:
-    """Depths [m] of the floor over the block, as `sheet` counts them, shape (n, n)."""
+    """[m] Depths of the floor on a grid over the block, in the order of `sheet`, shape (n, n)."""
     x = np.linspace(layout.low[0], layout.high[0], cells + 1)
     y = np.linspace(layout.high[1], layout.low[1], cells + 1)
     block = np.stack(np.broadcast_arrays(x[:, None], y, 0.0), axis=-1)
@@ -213,19 +213,19 @@ def _north_east(ned: Array) -> tuple[Array, Array]:
 
 
 def block_depth(table: Array, layout: SceneLayout) -> float:
-    """[m] of a block that shows the floor, or as much water above it as is in sight."""
+    """[m] Depth of a block that reaches the sea floor, at most IN_SIGHT times its usual depth."""
     usual = float(layout.high[2])
     return min(max(usual, BELOW * float(floor_grid(table, layout).max())), IN_SIGHT * usual)
 
 
 def depth_ticks(layout: SceneLayout) -> Array:
-    """Depths [m] that the walls mark, without 0."""
+    """[m] Depths of the marks on the walls, without 0."""
     found = ticks(0.0, float(layout.high[2]), about=5)
     return found[found > 0]
 
 
 def grid_values(layout: SceneLayout, axis: int) -> Array:
-    """Round metres of the map's grid lines along the block's x (0) or y (1)."""
+    """[m] Round coordinates of the map's grid lines along the block's x (0) or y (1)."""
     step = nice_step(float(layout.size[:2].max()) / 6)
     first = math.ceil(layout.low[axis] / step)
     last = math.floor(layout.high[axis] / step)
@@ -233,7 +233,7 @@ def grid_values(layout: SceneLayout, axis: int) -> Array:
 
 
 def _add_made_up(props: Props, layout: SceneLayout, colour: Array) -> None:
-    """A decorative floor, its relief fading out towards the block's edges."""
+    """Add a decorative floor whose relief fades out towards the block's edges."""
     bottom = float(layout.corners()[4, 2])
     fade = np.sin(np.pi * np.linspace(0.0, 1.0, RELIEF + 1)) ** 0.5
     relief = RELIEF_SHARE * abs(bottom) * np.outer(fade, fade)
@@ -242,10 +242,10 @@ def _add_made_up(props: Props, layout: SceneLayout, colour: Array) -> None:
 
 
 def _add_ground(props: Props, layout: SceneLayout, table: Array, path: Array, cut: bool) -> bool:
-    """The sea floor as the top of a block of ground; False where it lies below the picture."""
+    """Add the sea floor as top of a block of ground; return False if it is below the picture."""
     bottom = float(layout.high[2])
     ground = np.minimum(floor_grid(table, layout), bottom)
-    if ground.min() >= bottom:  # below the picture: the water goes on
+    if ground.min() >= bottom:  # the floor is below the picture: draw deep water
         level = np.full_like(ground, -bottom * layout.factors[2])
         props.add("deep", sheet(layout, level), canvas.water_colour(1.0))
         return False
@@ -263,7 +263,7 @@ def _add_ground(props: Props, layout: SceneLayout, table: Array, path: Array, cu
 
 
 def shadow(layout: SceneLayout, path: Array, height: Array | float) -> Shape | None:
-    """The projection of a path (n, 3) at display heights (n,), a band; None if it goes nowhere."""
+    """Shadow of a path (n, 3), a band at display heights (n,); None for a path without extent."""
     nodes = layout.display(path)
     nodes[:, 2] = height
     nodes = nodes[ribbon.simplify(nodes, SHADOW_WIDTH / 2)]
@@ -279,14 +279,14 @@ def shadow(layout: SceneLayout, path: Array, height: Array | float) -> Shape | N
 
 
 def _wall(a: Array, b: Array, top: float, low: float, lift: float = 0.0) -> Shape:
-    """A strip of the wall from corner `a` to `b` between two heights, moved in by `lift`."""
+    """Strip of the wall from corner `a` to `b` between two heights, moved inwards by `lift`."""
     corners = [[a[0], a[1], low], [b[0], b[1], low], [b[0], b[1], top], [a[0], a[1], top]]
     strip = shapes.quad(np.array(corners))
     return dataclasses.replace(strip, vertices=strip.vertices + lift * strip.normals)
 
 
 def _level_strip(ends: Array, width: float, height: float) -> Shape:
-    """A level strip between two points (2, 3), seen from above, at a height."""
+    """Level strip between two points (2, 3) at a height, visible from above."""
     a, b = ends[:, :2]
     across = width / 2 * np.array([a[1] - b[1], b[0] - a[0]]) / np.linalg.norm(b - a)
     corners = np.array([a - across, b - across, b + across, a + across])
@@ -294,9 +294,9 @@ def _level_strip(ends: Array, width: float, height: float) -> Shape:
 
 
 def sheet(layout: SceneLayout, height: Array) -> Shape:
-    """A sheet over the block, `height` (n, n) in display units."""
+    """Sheet over the block with `height` (n, n) in display units."""
     count = len(height)
-    # Block y runs to the right of x, display y to the left: count it from the far side.
+    # Block y runs to the right of x, display y to the left: reverse the order of y.
     x = np.linspace(layout.low[0], layout.high[0], count) * layout.scale
     y = -np.linspace(layout.high[1], layout.low[1], count) * layout.scale
     origin, ahead = layout.display_block(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
@@ -308,9 +308,9 @@ def sheet(layout: SceneLayout, height: Array) -> Shape:
 
 
 def _terrain(cells: int, *, seed: int, rough: float = 0.55) -> Array:
-    """Smooth random heights between -1 and 1, the same for the same seed. Shape (cells, cells).
+    """Smooth random heights between -1 and 1, shape (cells, cells), determined by `seed`.
 
-    Decoration, not bathymetry: sums of waves of halving length.
+    The heights are sums of waves of halving length: decoration, not bathymetry.
     """
     rng = np.random.default_rng(seed)
     u = np.linspace(0.0, 1.0, cells)
@@ -330,9 +330,9 @@ def clearness(altitude: float) -> float:
 
 
 def _sides(sheet: Shape, count: int, first: int, bottom: float) -> Shape:
-    """The sides of the ground, from the rim of a sheet down to a height.
+    """Side walls of the ground, from the rim of a sheet down to the height `bottom`.
 
-    The sheet has (count, count) nodes and begins with column `first`.
+    The sheet has (count, count) nodes; columns before `first` are left out.
     """
     index = np.arange(count * count).reshape(count, count)[:, first:]
     middle = sheet.vertices[index].mean(axis=(0, 1))

@@ -1,8 +1,8 @@
 """Shapes: triangle meshes of the scene, and the MuJoCo spec that holds them.
 
-A mesh is vertices, faces, normals and texture coordinates, in display units (see
-`camera`), z up, with faces counterclockwise seen from outside. MuJoCo draws only front
-faces, which the water's walls use: whichever wall is nearest to the camera disappears.
+A mesh has vertices, faces, normals and texture coordinates, in display units (see
+`camera`), z up. Faces are counterclockwise seen from outside. MuJoCo draws only front
+faces: the water's walls face inwards, so that the walls near the camera are invisible.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 VEHICLE = "vehicle/"  # prefix of the attached glider's names
 BACKDROP_GROUP, CLOSE_UP_GROUP, WATER_GROUP = 0, 3, 5  # geom groups; fluid geoms 4 stay hidden
-UNSEEN_GROUP = 4  # group of fluid geoms, and of what a vehicle has lost
+UNSEEN_GROUP = 4  # group of fluid geoms, and of lost parts of a vehicle
 GLIDER_GROUPS = (1, 2)  # outside and inside of the glider
 WORLD, WATER, LEVEL, SEABED, DRIFT = "world", "water", "level", "seabed", "drift"
-"""Bodies that props hang on"""
+"""Bodies to which the scene's geoms are attached"""
 AMBIENT, HEADLIGHT, SUN = 0.36, 0.40, 0.58
-"""Light from everywhere, from the camera and from above, over full light"""
-SAMPLES = 4  # per pixel against jagged edges
+"""Intensities of ambient light, light from the camera and light from above; 1 is full light"""
+SAMPLES = 4  # samples per pixel against jagged edges
 SLICES, STACKS = 24, 6
-"""Facets of round geoms around and along; more cost time on a CPU and show nothing"""
+"""Facets of round geoms around and along; more facets cost CPU time without visible gain"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -40,11 +40,11 @@ class Shape:
 
 
 def tube(nodes: Array, radius: float, sides: int, along: Array | None = None) -> Shape:
-    """A round tube through `nodes` (n, 3), its ends closed by points.
+    """Make a round, open tube through `nodes` (n, 3).
 
     Args:
-      radius: in display units.
-      sides: of the polygon that stands for the circle.
+      radius: radius in display units.
+      sides: number of sides of the polygonal cross-section.
       along: texture coordinate of each node, shape (n,).
     """
     side, up = (across[:, None] for across in tube_frame(nodes))
@@ -59,11 +59,11 @@ def tube(nodes: Array, radius: float, sides: int, along: Array | None = None) ->
 
 
 def loft(rings: Array, normals: Array, *, inside: bool = False) -> Shape:
-    """The surface through closed rings of corners, seen from outside or `inside`.
+    """Make the surface through closed rings of corners, visible from outside or `inside`.
 
     Args:
-      rings: (rings, corners, 3).
-      normals: broadcast to that shape.
+      rings: corners, shape (rings, corners, 3).
+      normals: unit normals, broadcast to the shape of `rings`.
     """
     count, sides = rings.shape[:2]
     firsts = sides * np.arange(count - 1)
@@ -80,7 +80,7 @@ def tube_frame(nodes: Array) -> tuple[Array, Array]:
     tangent = np.gradient(nodes, axis=0)
     length = np.linalg.norm(tangent, axis=-1, keepdims=True)
     tangent = np.where(length > 0, tangent / np.where(length > 0, length, 1.0), [1.0, 0.0, 0.0])
-    # "Up" is the world's, which a glider's path never follows for long.
+    # The reference is the world's vertical, which a glider's path never follows for long.
     side = np.cross(tangent, [0.0, 0.0, 1.0])
     width = np.linalg.norm(side, axis=-1, keepdims=True)
     side = np.where(width > 1e-6, side / np.where(width > 1e-6, width, 1.0), [0.0, 1.0, 0.0])
@@ -88,7 +88,7 @@ def tube_frame(nodes: Array) -> tuple[Array, Array]:
 
 
 def quad(corners: Array) -> Shape:
-    """A flat quadrilateral, corners (4, 3) counterclockwise seen from its front."""
+    """Make a flat quadrilateral of corners (4, 3), counterclockwise seen from its front."""
     normal = np.cross(corners[1] - corners[0], corners[3] - corners[0])
     normal = normal / np.linalg.norm(normal)
     return Shape(
@@ -99,7 +99,7 @@ def quad(corners: Array) -> Shape:
 
 
 def merge(shapes: list[Shape]) -> Shape:
-    """Several shapes as one, without texture coordinates."""
+    """Merge shapes into one, without texture coordinates."""
     offsets = np.cumsum([0, *(len(s.vertices) for s in shapes[:-1])])
     return Shape(
         vertices=np.concatenate([s.vertices for s in shapes]),
@@ -109,7 +109,7 @@ def merge(shapes: list[Shape]) -> Shape:
 
 
 def relief(x: Array, y: Array, height: Array, transform: Array) -> Shape:
-    """A sheet over a grid: x (n,), y (m,), height (n, m), turned by `transform` (3, 3)."""
+    """Make a sheet over a grid: x (n,), y (m,), height (n, m), rotated by `transform` (3, 3)."""
     n, m = height.shape
     grid = np.stack([*np.meshgrid(x, y, indexing="ij"), height], axis=-1)
     slope_x = np.gradient(height, x, axis=0)
@@ -143,13 +143,13 @@ def strip_faces(count: int, *, closed: bool = False) -> Integers:
 
 
 def ring(inner: float, outer: float, z: float, *, up: bool, slices: int = 48) -> Shape:
-    """A flat horizontal ring about the z axis that is seen from above (`up`) or from below."""
+    """Make a flat horizontal ring about the z axis, visible from above (`up`) or from below."""
     rims = [np.column_stack([r * _circle(slices), np.full(slices, z)]) for r in (inner, outer)]
     return loft(np.stack(rims), np.array([0.0, 0.0, 1.0 if up else -1.0]), inside=not up)
 
 
 def band(radius: float, low: float, high: float, slices: int = 24) -> Shape:
-    """A strip of a sphere about the origin between elevations [rad], seen from inside."""
+    """Make a strip of a sphere about the origin between elevations [rad], visible from inside."""
     rims = [
         radius * np.column_stack([np.cos(up) * _circle(slices), np.full(slices, np.sin(up))])
         for up in (low, high)
@@ -158,7 +158,7 @@ def band(radius: float, low: float, high: float, slices: int = 24) -> Shape:
 
 
 def arrow(start: Array, end: Array, radius: float, sides: int = 10) -> Shape:
-    """A round arrow from `start` to `end` (3,), its head three radii wide and six long."""
+    """Make an arrow from `start` to `end` (3,); its head is 3 radii thick and 6 radii long."""
     vector = end - start
     length = float(np.linalg.norm(vector))
     direction = vector / length
@@ -171,7 +171,7 @@ def arrow(start: Array, end: Array, radius: float, sides: int = 10) -> Shape:
 
 
 def cone(start: Array, end: Array, first: float, last: float, sides: int) -> Shape:
-    """The side of a truncated cone with radii `first` and `last`."""
+    """Make the lateral surface of a truncated cone with radii `first` and `last`."""
     direction = (end - start) / np.linalg.norm(end - start)
     helper = np.array([0.0, 0.0, 1.0]) if abs(direction[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
     side = np.cross(direction, helper)
@@ -185,7 +185,7 @@ def cone(start: Array, end: Array, first: float, last: float, sides: int) -> Sha
 
 
 def grains(centres: Array, sizes: Array) -> Shape:
-    """Octahedra at `centres` (n, 3) with radii `sizes` (n,)."""
+    """Make octahedra at `centres` (n, 3) with radii `sizes` (n,)."""
     corners = np.kron(np.eye(3), [[1.0], [-1.0]])
     faces = np.array(
         [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]]
@@ -204,14 +204,14 @@ MATERIALS = {
     "glow": (0.55, 0.1),
     "matte": (0.0, 0.0),
 }
-"""Emission and specular; `flat` shows its colour as it is, under the light of the mean angle"""
+"""Emission and specular of each material; `flat` shows its colour unchanged at a mean angle"""
 
 
 class Props:
-    """A spec with the glider, lights and water bodies, to which meshes are added."""
+    """MuJoCo spec with the glider, lights and water bodies, to which meshes are added."""
 
     def __init__(self, vehicle_xml: str, width: int, height: int):
-        """`width` and `height` [pixel] are the largest picture's."""
+        """Make the spec; `width` and `height` [pixel] are those of the largest picture."""
         self.spec = mujoco.MjSpec()
         self.spec.modelname = "stage"
         visual = self.spec.visual
@@ -222,7 +222,7 @@ class Props:
         visual.headlight.ambient = [AMBIENT] * 3
         visual.headlight.diffuse = [HEADLIGHT] * 3
         visual.headlight.specular = [0.0] * 3
-        # Straight down, so that it leaves the walls' colours alone, as it would in the sea.
+        # The sun shines straight down, so that it does not change the colours of the walls.
         self.spec.worldbody.add_light(
             name="sun",
             type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
@@ -250,7 +250,7 @@ class Props:
         group: int = WATER_GROUP,
         body: str = WATER,
     ) -> str:
-        """Add a mesh and its geom, both of this name; returns the name."""
+        """Add a mesh and its geom, both of this name; return the name."""
         given = {"vert": shape.vertices, "normal": shape.normals, "texcoord": shape.coordinates}
         self.spec.add_mesh(
             name=name,
@@ -276,7 +276,7 @@ class Props:
         return name
 
     def add_row_texture(self, name: str, colours: Array, *, emission: float) -> None:
-        """A material whose texture is one row of colours (n, 3); see `Shape.coordinates`."""
+        """Add a material whose texture is one row of colours (n, 3); see `Shape.coordinates`."""
         kind = mujoco.mjtTexture.mjTEXTURE_2D
         texture = self.spec.add_texture(
             name=name, type=kind, width=len(colours), height=2, nchannel=3
@@ -288,11 +288,11 @@ class Props:
         material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
 
     def _attach(self, glider: mujoco.MjSpec) -> None:
-        """Attach the glider's hull without what only its physics needs."""
+        """Attach the glider's hull without the elements that only its physics needs."""
         unseen = (glider.keys, glider.sensors, glider.actuators, glider.cameras, glider.lights)
         for item in [item for items in unseen for item in items]:
             glider.delete(item)
-        # MuJoCo warns about each setting in which two models differ; the stage's own count here.
+        # MuJoCo warns about each setting in which two models differ: use the stage's settings.
         pairs: list[tuple[Any, Any]] = [(self.spec.option, glider.option)]
         for name in ("global_", "quality", "headlight", "map", "scale", "rgba"):
             pairs.append((getattr(self.spec.visual, name), getattr(glider.visual, name)))

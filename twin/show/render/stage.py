@@ -1,4 +1,4 @@
-"""Stage: the compiled scene of a shot. The glider, the sea, tracks and arrows."""
+"""Stage: the compiled scene of a shot, with the glider, the sea, tracks and arrows."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from twin.show.render.shapes import BACKDROP_GROUP, CLOSE_UP_GROUP, VEHICLE, Pro
 from twin.show.render.subject import Shot, Subject
 from twin.vehicle.vehicle import Vehicle
 
-RADIUS, CHASE_RADIUS = 0.055, 0.020  # [display units] of the true track; the glider's hull has 0.11
+RADIUS, CHASE_RADIUS = 0.055, 0.020  # [display units] radius of the true track; the hull has 0.11
 OTHER_SHARE, FUTURE_SHARE = 0.6, 0.28
-"""Radius of other tracks, and of what is still to come, over that of the true track"""
-SNOW_FASTEST = 12.0  # speed-up from which particles would only flicker
+"""Radius of other tracks, and of the track's part not flown yet, over that of the true track"""
+SNOW_FASTEST = 12.0  # largest speed-up with particles, which would only flicker beyond
 
 
 class Path(NamedTuple):
@@ -36,14 +36,14 @@ class Path(NamedTuple):
     name: str
     time: Array  # [s], shape (n,)
     points: Array  # north, east, depth [m], shape (n, 3)
-    colour: Array | None  # RGB; None for the true track, which its values colour
+    colour: Array | None  # RGB; None for the true track, which a signal colours
 
 
 class TurnedBody(NamedTuple):
-    """A body that is turned as the part of its name is."""
+    """A body that turns with the part of its name."""
 
     body: int
-    rest: Array  # its quaternion on the hull in the vehicle file, shape (4,)
+    rest: Array  # quaternion of the body on the hull in the vehicle file, shape (4,)
     axis: Array  # unit vector, MuJoCo's hull axes, through the body's origin, shape (3,)
 
 
@@ -59,7 +59,7 @@ class Line(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Stage:
-    """The compiled scene and what is needed to move it."""
+    """Compiled scene, and the ids and tables that move it."""
 
     model: mujoco.MjModel
     layout: SceneLayout
@@ -69,19 +69,19 @@ class Stage:
     current: ArrowProfile
     bands: list[int]  # geom ids of the backdrop round the glider, from below to above
     bands_follow: bool  # their colour follows the glider's depth
-    snow: bool  # particles are there
-    current_name: str  # name of that current in the legend
-    floor: Array | None  # table of the mission's sea floor; None: what is drawn is decoration
+    snow: bool  # True if the scene has particles
+    current_name: str  # name of `current` in the legend
+    floor: Array | None  # table of the mission's sea floor; None: the drawn floor is decoration
     ground: list[int]  # geom ids of the floor that follows the glider, chase camera
     arrows: list[int]
-    """Geom ids of the current beside the glider, chase camera; their meshes are reshaped"""
+    """Geom ids of the current's arrows beside the glider, chase camera; reshaped in each frame"""
     hull_length: float  # [m]
     turned: dict[str, TurnedBody]
-    """The fins and propellers that are drawn, by the names of their parts"""
-    gone: list[tuple[float, list[int]]]  # from which mission time [s] on which geoms are not there
+    """Visible fins and propellers, by the names of their parts"""
+    gone: list[tuple[float, list[int]]]  # mission time [s] of each loss, and the lost geoms' ids
 
     def ladder(self, poses: Poses, index: int) -> list[tuple[float, Array, Array]]:
-        """The arrows beside the glider at one frame; see `arrows.ladder`."""
+        """Arrows beside the glider at one frame; see `arrows.ladder`."""
         depth, heading = float(poses.position[index, 2]), float(poses.heading[index])
         floor = float(self.layout.high[2])
         return arrows.ladder(self.current, depth, math.radians(heading), floor)
@@ -155,13 +155,13 @@ def build(subject: Subject, shot: Shot) -> Stage:
 
 
 def named_geoms(model: mujoco.MjModel, beginnings: Sequence[str], prefix: str = "") -> list[int]:
-    """Geoms whose names begin so, after a prefix that all names of the vehicle have."""
+    """Ids of the geoms whose names begin with `prefix` and one of `beginnings`."""
     starts = tuple(f"{prefix}{one}" for one in beginnings)
     return [k for k in range(model.ngeom) if (model.geom(k).name or "").startswith(starts)]
 
 
 def shown_paths(subject: Subject, shot: Shot) -> tuple[NDArray[np.bool_], list[Path]]:
-    """Which samples a shot shows, and the tracks in its part, the true one first.
+    """Mask of the samples that a shot shows, and the tracks in its part, the true track first.
 
     Raises:
       InputError: the part does not fit the trajectory or a track.
@@ -177,7 +177,7 @@ def shown_paths(subject: Subject, shot: Shot) -> tuple[NDArray[np.bool_], list[P
 
 
 def lay_out(paths: list[Path], subject: Subject, shot: Shot, camera: str) -> SceneLayout:
-    """The block of water round the paths, as deep as the shot or the mission's floor says."""
+    """Layout of the block of water around the paths, down to the shot's or the mission's floor."""
 
     def down_to(bottom: float | None) -> SceneLayout:
         return plan(
@@ -198,9 +198,9 @@ def lay_out(paths: list[Path], subject: Subject, shot: Shot, camera: str) -> Sce
 def turned_bodies(
     model: mujoco.MjModel, vehicle: Vehicle, prefix: str = VEHICLE
 ) -> dict[str, TurnedBody]:
-    """The bodies of the file that show its parts' turning; a part without one is not seen.
+    """Bodies that show the turning of the vehicle's parts; a part without a body is invisible.
 
-    `prefix` is what stands before the file's names in the model.
+    `prefix` precedes the vehicle file's names in the model.
     """
     found = {}
     for part in vehicle.parts:
@@ -212,10 +212,10 @@ def turned_bodies(
 
 
 def _beside(track: NamedTrack, index: int, true: Path) -> Path:
-    """A dead-reckoned track within the part, at the true depth, in the colour of its `index`.
+    """Path of a dead-reckoned track within the part, at the true depth, coloured by its `index`.
 
     Raises:
-      InputError: it has fewer than 2 samples there.
+      InputError: the track has fewer than 2 samples there.
     """
     inside = (track.time >= true.time[0]) & (track.time <= true.time[-1])
     if inside.sum() < 2:
@@ -236,7 +236,7 @@ def _add_paths(
     *,
     chase: bool,
 ) -> list[Ribbon]:
-    """The ribbons of all paths; the first is coloured by `values` at its samples."""
+    """Add the ribbons of all paths and return them; `values` at its samples colour the first."""
     grid = np.linspace(*span, TEXELS)
     colours = canvas.track_colours(np.interp(grid, paths[0].time, values), scale.low, scale.high)
     props.add_row_texture("track", colours, emission=0.55)
@@ -260,9 +260,9 @@ def _add_paths(
 
 
 def _reshaped(model: mujoco.MjModel, name: str) -> int:
-    """The geom of this name, in its body's frame: MuJoCo gave it a frame of its own."""
+    """Id of a geom, which is put into its body's frame: MuJoCo had centred it on its mesh."""
     geom = int(model.geom(name).id)
     model.geom_pos[geom] = 0.0
     model.geom_quat[geom] = [1.0, 0.0, 0.0, 0.0]
-    model.geom_sameframe[geom] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # it may be moved
+    model.geom_sameframe[geom] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # the geom may move
     return geom

@@ -1,6 +1,6 @@
-"""Subject and shot: the flight that a picture shows, and how it shows it.
+"""Subject (the flight that a picture shows) and shot (camera, size, time and look of the picture).
 
-A flight is a stored mission, or physics that runs now.
+The flight is a stored mission or a live simulation.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 CAMERAS = ("orbit", "side", "map", "chase")
 COLOURS = ("speed", "current", "depth", "error")
-DEFAULT_SECONDS = 20.0  # [s] of video when no speed-up is given
+DEFAULT_SECONDS = 20.0  # [s] length of a video without a given speed-up
 SMALLEST, LARGEST = 64, 7680  # [pixel] sides of a picture; the largest is 8K UHD
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Subject:
-    """Flight that a film or picture shows."""
+    """Flight that a film or picture shows, with its vehicle, tracks, sea floor and faults."""
 
     trajectory: Trajectory
     vehicle: Vehicle
@@ -50,9 +50,9 @@ class Subject:
     """Dead-reckoned tracks beside the true one"""
     title: str = ""
     floor: Array | None = None
-    """Table of the mission's sea floor; None: what is drawn is decoration"""
+    """Table of the mission's sea floor; None: the drawn floor is decoration"""
     faults: Sequence[Fault] = ()
-    """Faults of the vehicle: a lost part is not drawn from its moment on"""
+    """Faults of the vehicle; a lost part is invisible from the fault's start on"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -63,10 +63,10 @@ class Shot:
     """orbit (circles the track), side, map (from above) or chase (behind the glider)."""
 
     width: int = 1280
-    """[pixel]"""
+    """[pixel] Width of the picture."""
 
     height: int = 720
-    """[pixel]"""
+    """[pixel] Height of the picture."""
 
     fps: float = 30.0
     """Frames per second of a video."""
@@ -81,21 +81,21 @@ class Shot:
     """[s] Last mission time shown; None is the mission's end."""
 
     colour: str | None = None
-    """What colours the track: speed, current, depth, or error (of the first dead-reckoned track);
-    None: speed, or depth in a log that does not tell the speed."""
+    """Quantity that colours the track: speed, current, depth, or error (of the first dead-reckoned
+    track); None: speed, or depth in a log without speed."""
 
     exaggeration: float | None = None
-    """Vertical scale over horizontal scale; None chooses one. The chase camera has always 1."""
+    """Vertical scale over horizontal scale; None is automatic. The chase camera always has 1."""
 
     floor: float | None = None
-    """[m] Depth at which the picture ends below; None: so that it shows the mission's sea floor, or
-    without one a little below the deepest point."""
+    """[m] Depth of the picture's lower end; None: below the mission's sea floor, or without one a
+    little below the deepest point."""
 
     hud: bool = True
     """Draw the strip of readouts, the labels and the legend."""
 
     inset: bool = True
-    """Draw the close-up of the glider (not with the chase camera, which is one)."""
+    """Draw the close-up of the glider; never drawn with the chase camera."""
 
     def __post_init__(self) -> None:
         if self.camera not in CAMERAS:
@@ -137,12 +137,12 @@ class Shot:
     def still_time(
         self, time: Array, at: float | None, known: NDArray[np.bool_] | None = None
     ) -> Array:
-        """The one mission time [s] of a still, shape (1,): `at`, or the end of the part.
+        """Mission time [s] of a still, shape (1,): `at`, or the end of the part.
 
         Args:
-          time: [s] of the samples, (time,).
-          at: [s]; None is the end of the part.
-          known: samples whose place is known, (time,); then the end is the last of these.
+          time: [s] times of the samples, (time,).
+          at: [s] wanted time; None is the end of the part.
+          known: mask of samples with known position, (time,); the last of these replaces the end.
         """
         start, end = self.part(time)
         if at is None:
@@ -165,24 +165,24 @@ def read_subject(
     title: str | None = None,
     floor: bool = True,
 ) -> Subject:
-    """A mission of a store, with dead-reckoned tracks if there are any.
+    """Read a mission of a store, with dead-reckoned tracks if there are any.
 
-    Of a log the corrected track, the flight model's velocities and the measured attitude stand for
-    the truth; see `twin.logs.logged_mission`.
+    For a log, the corrected track, the flight model's velocities and the measured attitude replace
+    the true signals; see `twin.logs.logged_mission`.
 
     Args:
       missions: dives of a log that are shown as one; None shows `mission` alone.
-      vehicle: of a log, or of a store that does not say its vehicle: name or file; None takes the
-        store's, see `MissionStore.vehicle`. Its flight model, if it has one, tells the velocities
+      vehicle: name or file, for a log or for a store without vehicle; None takes the store's, see
+        `MissionStore.vehicle`. The vehicle's flight model, if there is one, gives the velocities
         of a log.
-      tracks: file as in `twin.records.tracks`.
-      names: of those tracks, separated by commas; None takes all.
+      tracks: file of dead-reckoned tracks, as in `twin.records.tracks`.
+      names: names of those tracks, separated by commas; None takes all.
       title: first line of the picture; None is made from the store.
-      floor: draw the sea floor of the mission where it has one.
+      floor: draw the mission's sea floor, if it has one.
 
     Raises:
-      StoreError, VehicleError, InputError: something cannot be read, or a log has no track; a
-        vehicle is given for a simulated mission whose store says its own.
+      StoreError, VehicleError, InputError: a file cannot be read, a log has no track, or a vehicle
+        is given for a simulated mission whose store names its own.
     """
     found = MissionStore(store)
     found.check_filled()
@@ -220,13 +220,13 @@ def read_subject(
 def _logged(
     store: Path, missions: list[int], vehicle: str | None, drawn: Vehicle | None
 ) -> tuple[LoggedTrajectory, Vehicle | None]:
-    """The dives of a log with their track, and the vehicle to draw; raises StoreError without."""
+    """Read dives of a log, and the vehicle to draw; raise StoreError if they have no track."""
     from twin.identify.logged_missions import start_vehicle
     from twin.logs.logged_mission import logged_trajectory
 
     try:
         trajectory = logged_trajectory(store, missions, vehicle)
-    except VehicleError:  # only drawn: its flight has no model
+    except VehicleError:  # the vehicle has no flight model: use its shape only
         trajectory = logged_trajectory(store, missions)
     lacking = [name for name in POSITION if f"true_{name}" not in trajectory]
     if lacking:
@@ -241,7 +241,7 @@ def _logged(
 
 
 def _floor(described: dict[str, Any]) -> Array | None:
-    """The sea floor that the mission of `twin simulate` had; raises FloorError if it is gone."""
+    """Table of the sea floor of a simulated mission; raise FloorError if its file is missing."""
     if not described.get("floor"):
         return None
     from twin.physics.scenario import scenario_from_dict
@@ -252,20 +252,20 @@ def _floor(described: dict[str, Any]) -> Array | None:
 
 
 class RenderedFlight(Protocol):
-    """Flight of a viewer; both kinds go back in time, a simulation by flying again."""
+    """Flight in a viewer; both types can go back in time, a simulation by flying again."""
 
     def at(self, time: float) -> Poses:
-        """One row: the pose at a mission time [s]."""
+        """Pose at a mission time [s], one row."""
 
 
 class Replay:
-    """A recorded mission."""
+    """Flight of a recorded mission."""
 
     def __init__(self, trajectory: Trajectory):
         self._all = poses(trajectory, trajectory.time)
 
     def at(self, time: float) -> Poses:
-        """Interpolated between two samples."""
+        """Pose at a mission time [s], interpolated between two samples."""
         every, times = self._all, np.array([time])
         after = int(np.clip(np.searchsorted(every.time, time), 1, len(every.time) - 1))
         two = slice(after - 1, after + 1)
@@ -283,7 +283,7 @@ class Replay:
 
 
 def live_simulation(scenario: Scenario) -> Simulation:
-    """A simulation for a live view; raises InputError for a navigated scenario."""
+    """Make a simulation for a live view; raise InputError for a navigated scenario."""
     if scenario.navigate is not None:
         raise InputError(
             "a live view flies by the truth: fly the navigated scenario first and show its "
@@ -294,24 +294,24 @@ def live_simulation(scenario: Scenario) -> Simulation:
 
 
 class Live:
-    """A closed-loop simulation that is stepped as it is watched."""
+    """Flight of a closed-loop simulation that is stepped while it is watched."""
 
     def __init__(self, scenario: Scenario):
         self._simulation = live_simulation(scenario)
         self._seen = (0.0, np.zeros(len(scenario.vehicle.parts)))
-        """Time [s] of the last row, and how far [rad] each spinning part had turned by then"""
+        """Time [s] of the last row, and the angle [rad] of each moving part at that time"""
 
     def at(self, time: float) -> Poses:
-        """The physics' own state at the last step before `time`.
+        """Pose at the last physics step before `time` [s].
 
         Raises:
-          SimulationUnstable: the simulation left the finite numbers.
+          SimulationUnstable: the simulation diverged.
         """
         simulation, step = self._simulation, self._simulation.model.opt.timestep
         data = simulation.data
         if time < data.time - step:
             simulation.reset()
-        # One step at least: the first one writes the first row of the log.
+        # Take at least one step at time 0: the first step writes the first row of the log.
         steps = max(int((time - data.time) / step + 1e-9), int(data.time == 0.0))
         if steps > 0:
             with quiet_mujoco():
@@ -344,9 +344,9 @@ class Live:
         )
 
     def _turned(self, time: float, joints: tuple[str, ...], parts: Array) -> Array:
-        """Angle [rad] of each moving part; a spinning one goes on from the last row's."""
+        """Angle [rad] of each moving part; a spinning part continues from its last angle."""
         before, angles = self._seen
-        step = max(time - before, 0.0)  # after a jump back it goes on from where it was
+        step = max(time - before, 0.0)  # after a jump back in time a spinning part keeps its angle
         spinning = np.array([playback.spins(joint) for joint in joints], bool)
         angles = np.where(spinning, np.resize(angles, len(joints)) + step * parts, parts)
         self._seen = (time, angles)

@@ -1,4 +1,4 @@
-"""Labels: texts at points of the scene. Depths, distances, the map's grid, and the way north."""
+"""Tags: labels at points of the scene (depths, distances, the map's grid), and the compass."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from twin.show.render.canvas import LABEL, Canvas, Pixels
 KILO = 1000.0
 MINUS = "−"
 COMPASS = 48  # size of the compass [pixel of the base picture]
-SCALE_BAR = 56  # from the close-up down to the map's scale bar [pixel of the base picture]
+SCALE_BAR = 56  # distance from the close-up to the map's scale bar [pixel of the base picture]
 OVERSAMPLING = 4  # the compass is drawn larger and shrunk, for smooth edges
 
 
 class Mark(NamedTuple):
-    """A text at a place in the picture."""
+    """Label at a position in the picture."""
 
     text: str
     x: float  # [pixel] from the left; NaN behind the camera
     y: float  # [pixel] from the top
-    anchor: str  # as `palette.write` takes it
+    anchor: str  # in the form of `palette.write`
 
 
 def block_marks(canvas: Canvas, layout: SceneLayout, view: View) -> list[Mark]:
-    """Depths along the block's left edge, distances along its lower front edge."""
+    """Labels of depths on the block's left edge, and of distances on its lower front edge."""
     corners = layout.corners()
     left = int(np.argmin(view.project(corners[:4])[:, 0]))
     top, foot = corners[left], corners[left + 4]
@@ -52,7 +52,7 @@ def block_marks(canvas: Canvas, layout: SceneLayout, view: View) -> list[Mark]:
 
 
 def map_marks(canvas: Canvas, layout: SceneLayout, view: View) -> list[Mark]:
-    """North and east of the start along the chart's grid, and the length of the scale bar."""
+    """Labels of north and east along the chart's grid, and of the scale bar's length."""
     found: list[Mark] = []
     for axis, (forward, back) in enumerate((("N", "S"), ("E", "W"))):
         values = sea.grid_values(layout, axis)
@@ -72,8 +72,8 @@ def map_marks(canvas: Canvas, layout: SceneLayout, view: View) -> list[Mark]:
 def scale_bar(
     canvas: Canvas, layout: SceneLayout, view: View
 ) -> tuple[float, tuple[int, int, int, int]]:
-    """A round length [m] and its bar in the map, under the close-up: left, top, width, height
-    [pixel]."""
+    """Round length [m] of the map's scale bar, and its box under the close-up: left, top, width,
+    height [pixel]."""
     metres_per_pixel = 2 * view.frustum()[1] / canvas.width / layout.scale
     length = nice_step(0.14 * canvas.width * metres_per_pixel)
     left, inset_top, _, inset_height = canvas.inset
@@ -84,11 +84,11 @@ def scale_bar(
 def ladder_marks(
     canvas: Canvas, ladder: list[tuple[float, Array, Array]], view: View
 ) -> list[Mark]:
-    """Depths beside the arrows of the chase camera."""
+    """Labels of depths beside the current's arrows of the chase camera."""
     if not ladder:
         return []
     names = [f"{depth:g} m" for depth, _, _ in ladder]
-    # Left of whichever end lies further left, so that no arrow points through its label.
+    # Place each label left of the arrow's leftmost end, so that no arrow crosses its label.
     ends = np.array([[start, start + vector] for _, start, vector in ladder])
     left = np.argmin(view.project(ends.reshape(-1, 3))[:, 0].reshape(-1, 2), axis=1)
     points = ends[np.arange(len(ladder)), left]
@@ -104,10 +104,10 @@ def draw_marks(frame: Pixels, canvas: Canvas, marks: list[Mark]) -> None:
 
 
 def draw_compass(frame: Pixels, canvas: Canvas, view: View) -> None:
-    """An arrow to north; up is the way the camera looks.
+    """Draw an arrow to north; up is the camera's direction of view.
 
-    It stands upper left under the title; in the map, whose labels are there, at the close-up's
-    right edge beside the scale bar.
+    The compass stands upper left under the title. In the map, which has labels there, it stands at
+    the close-up's right edge beside the scale bar.
     """
     ahead = view.up if view.parallel else view.forward
     angle = math.atan2(float(view.right[0]), float(ahead[0]))
@@ -145,13 +145,13 @@ def _compass(size: int, angle: int) -> tuple[palette.Wide, palette.Wide]:
 def _marks(
     canvas: Canvas, view: View, points: Array, names: list[str], anchor: str, gap: tuple[int, int]
 ) -> list[Mark]:
-    """Marks at points (n, 3) in display units, moved by `gap` [pixel]."""
+    """Make labels at points (n, 3) in display units, shifted by `gap` [pixel]."""
     places = view.project(points)[:, :2] * [canvas.width, canvas.height] + gap
     return [Mark(name, x, y, anchor) for name, (x, y) in zip(names, places.tolist(), strict=True)]
 
 
 def _names(metres: Array, *, every: bool = False) -> list[str]:
-    """Distances as text; the last one says the unit, or `every` one."""
+    """Texts of distances [m] in m or km; the last text has the unit, or `every` text."""
     kilo = bool(np.abs(metres).max(initial=0.0) >= 2 * KILO)
     values = metres / KILO if kilo else metres
     names = [f"{value if value else 0.0:g}".replace("-", MINUS) for value in values]

@@ -1,8 +1,8 @@
 """Window: MuJoCo's interactive viewer on the scene of a shot.
 
-The stage is the one that pictures show, moved by the same code; the mouse turns, shifts and zooms
-the camera as in every MuJoCo viewer. MuJoCo's own keys keep their meaning, so that this window
-uses those that it leaves free: the digits from 6, the arrows, Space, Backspace, = and -.
+Stage and motion are those of pictures and films. The mouse turns, shifts and zooms the camera as in
+every MuJoCo viewer. MuJoCo's own keys keep their meaning; this window uses the keys that MuJoCo
+leaves free: the digits from 6, the arrows, Space, Backspace, = and -.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from twin.show.render import camera, canvas, context, hud, painter, playback, se
 from twin.show.render.subject import RenderedFlight, Shot, Subject
 
 SPACE, BACKSPACE, RIGHT, LEFT, MINUS, EQUAL = 32, 259, 262, 263, 45, 61  # key codes of GLFW
-VIEWS = {54: "orbit", 55: "side", 56: "map", 57: "follow"}  # keys 6 to 9 and what the camera does
+VIEWS = {54: "orbit", 55: "side", 56: "map", 57: "follow"}  # keys 6 to 9 and the camera's modes
 KEYS = (
     ("Space", "pause"),
     ("= -", "faster, slower"),
@@ -32,26 +32,26 @@ KEYS = (
     ("Backspace", "from the start"),
     ("6 7 8 9", "orbit, side, map, follow"),
 )
-FASTER = 2.0  # factor of one key press
-JUMP = 0.02  # part of the mission that an arrow key jumps over
+FASTER = 2.0  # factor of the speed-up for one key press
+JUMP = 0.02  # fraction of the mission that an arrow key skips
 FOLLOW_DISTANCE, FOLLOW_ELEVATION = 9.0, -18.0
-"""[display units] and [degree] of the camera that follows the glider through the block"""
-CLOSING = 5.0  # [s] to wait for the window to close
+"""Distance [display units] and elevation [degree] of the camera that follows the glider"""
+CLOSING = 5.0  # [s] longest wait for the window to close
 MARGIN = 1.12
-"""Distance of the camera over the one that just shows all: the window's shape is the user's"""
-REFRESH = 60.0  # [1/s] frames, at most
+"""Distance of the camera over the least distance that shows all, as the window may be narrow"""
+REFRESH = 60.0  # [1/s] largest frame rate
 MOVED = 0.02
-"""[display units] by which a mesh must have changed to be sent again: each costs a frame"""
+"""[display units] Least change of a mesh that is sent to the viewer: each update costs a frame"""
 
 
 class Window:
-    """One scene in MuJoCo's passive viewer."""
+    """Scene of one flight in MuJoCo's passive viewer."""
 
     def __init__(self, subject: Subject, shot: Shot, flight: RenderedFlight, *, speed_up: float):
         """
         Args:
-          subject: its trajectory frames the scene and makes the ribbon.
-          flight: where the glider is.
+          subject: flight whose trajectory sets the size of the scene and the ribbon.
+          flight: flight that gives the glider's pose, recorded or live.
           speed_up: mission seconds per second.
 
         Raises:
@@ -76,11 +76,11 @@ class Window:
         model.vis.map.znear, model.vis.map.zfar = 0.05, 6.0 * radius
 
     def run(self, seconds: float | None = None) -> float:
-        """Show until the window is closed, or for `seconds`; returns the frames per second.
+        """Show the flight until the window is closed, or for `seconds`; return frames per second.
 
         Raises:
           NoScreen: MuJoCo could not open the window.
-          SimulationUnstable: a live flight left the finite numbers.
+          SimulationUnstable: a live flight diverged.
         """
         self._move(0.0)
         with self._open() as handle:
@@ -124,19 +124,19 @@ class Window:
                 show_left_ui=False,
                 show_right_ui=False,
             )
-        except RuntimeError as error:  # on macOS it wants another interpreter, and says so
+        except RuntimeError as error:  # on macOS MuJoCo needs the interpreter mjpython
             raise context.NoScreen(f"MuJoCo opens no window: {error}") from error
         drawing = [thread for thread in threading.enumerate() if thread not in before]
         try:
             with handle:
                 yield handle
         finally:
-            # It draws until the window is gone: a process that ends before tears OpenGL from it.
+            # The viewer's thread draws until the window is gone: wait before OpenGL is shut down.
             for thread in drawing:
                 thread.join(CLOSING)
 
     def _obey(self, handle: Any) -> None:
-        """Do what the keys say that were pressed since the last frame."""
+        """Carry out the keys that were pressed since the last frame."""
         with contextlib.suppress(queue.Empty):
             while True:
                 key = self._keys.get_nowait()
@@ -157,7 +157,7 @@ class Window:
                     self._aim(handle)
 
     def _move(self, elapsed: float) -> playback.Poses:
-        """Put everything where it is `elapsed` [s] later."""
+        """Advance the scene by `elapsed` [s] of real time and return the new pose."""
         ahead = 0.0 if self._paused else elapsed * self._speed
         self._time = min(self._time + ahead, self._last)
         row = self._flight.at(self._time)
@@ -168,7 +168,7 @@ class Window:
         return row
 
     def _reshape(self, mesh: int, shape: shapes.Shape) -> None:
-        """Write a mesh; the viewer is told later, and only of what the eye would see."""
+        """Write a mesh whose change is visible, and mark it for the next update of the viewer."""
         model = self._stage.model
         first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
         before = model.mesh_vert[first : first + count]
@@ -177,7 +177,7 @@ class Window:
             self._changed.add(mesh)
 
     def _aim(self, handle: Any) -> None:
-        """Place the free camera as the mode wants it."""
+        """Place the free camera for the present mode."""
         layout, mode, cam = self._stage.layout, self._mode, handle.cam
         frame = canvas.frame_of(self._shot)
         self._heading = None
@@ -202,7 +202,7 @@ class Window:
                 cam.distance = MARGIN * distance
 
     def _follow(self, handle: Any, row: playback.Poses) -> None:
-        """Keep the glider in the middle and turn with it; the mouse's own turns stay."""
+        """In mode `follow`, centre the glider and turn with it, besides the mouse's turns."""
         if self._mode != "follow":
             return
         heading = float(row.heading[0])
@@ -213,7 +213,7 @@ class Window:
             handle.cam.azimuth -= (turned + 180.0) % 360.0 - 180.0
 
     def _texts(self, row: playback.Poses) -> list[tuple[int, int, str, str]]:
-        """The title upper left, the readouts lower left, the keys lower right."""
+        """Texts of the window: title upper left, readouts lower left, keys lower right."""
         font, places = int(mujoco.mjtFontScale.mjFONTSCALE_100), mujoco.mjtGridPos
         items = [(item.name, _plain(item.value)) for item in hud.readouts(row, 0)]
         state = "paused" if self._paused else f"{self._speed:g} x real time"
@@ -229,7 +229,7 @@ class Window:
 
 
 def _plain(text: str) -> str:
-    """The viewer's font has ASCII only."""
+    """Replace special characters by ASCII, the only characters in the viewer's font."""
     for sign, plain in (("−", "-"), ("°", " deg"), ("▼", "heavy"), ("▲", "light"), ("–", "-")):
         text = text.replace(sign, plain)
     return text

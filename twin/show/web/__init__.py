@@ -1,4 +1,4 @@
-"""Replay: a mission in three dimensions as one HTML file that any browser opens offline."""
+"""Web replay: a mission in three dimensions as one HTML file that any browser opens offline."""
 
 from typing import TYPE_CHECKING
 

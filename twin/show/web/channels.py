@@ -1,4 +1,4 @@
-"""Channels: what the page shows of a mission over time, and which samples it keeps."""
+"""Channels: time series of a mission for the page, and the choice of the samples that are kept."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ STEPS = {
     "surge": 1e-4, "speed": 1e-4, "ground_speed": 1e-4, "net_mass": 1e-4, "pumped": 0.1,
     "current_north": 1e-4, "current_east": 1e-4, "bottom": 0.05, "colour": 1.0, "gap": 1.0,
 }  # fmt: skip
-"""To what each channel is rounded: s, m, degree, m/s, kg, cm3; colour in 250ths of its scale"""
-SLIDE_STEP, TURN_STEP, SPIN_STEP = 1e-5, 1e-4, 1e-3  # [m], [rad] and [rad/s], of moving parts
+"""Rounding step of each channel: s, m, degree, m/s, kg, cm3; colour in 250ths of its scale"""
+SLIDE_STEP, TURN_STEP, SPIN_STEP = 1e-5, 1e-4, 1e-3  # [m], [rad], [rad/s] steps of moving parts
 COLOURS = 250  # steps of the colour scale
 
 
 class Channels(NamedTuple):
-    """Values over time of what is shown, and how they were thinned."""
+    """Time series for the page, and the result of their thinning."""
 
     values: dict[str, Array]
-    """By name, shape (n,): those of STEPS that something tells, and each moving part's; units of
+    """Values by channel, shape (n,): the known channels of STEPS, and the moving parts; units of
     `Poses`, headings in [0, 360)"""
-    steps: dict[str, float]  # to what each is rounded
+    steps: dict[str, float]  # rounding step of each channel
     kept: Integers  # index of each row among the samples of the mission, shape (n,)
-    samples: int  # samples of the shown part of the mission
+    samples: int  # number of samples of the shown part of the mission
     lost: dict[str, float]
-    """Largest error [m] of straight lines between the kept samples, by depth and position; 0 where
-    all are kept"""
+    """[m] Largest error of linear interpolation between the kept samples, for depth and position;
+    0 if all samples are kept"""
 
 
 def read_channels(
@@ -46,15 +46,15 @@ def read_channels(
     floor: Array | None,
     most: int,
 ) -> Channels:
-    """The channels of a part of a mission, in `most` rows or fewer.
+    """Read the channels of a part of a mission, in at most `most` rows.
 
     Args:
-      shown: samples of the part, (time,).
-      colour: of those samples, 0 to 1, NaN unknown, (shown,).
+      shown: mask of the samples of the part, (time,).
+      colour: colours of those samples, 0 to 1, NaN unknown, (shown,).
       floor: table of the sea floor.
 
     Raises:
-      InputError: the mission does not say where the vehicle was.
+      InputError: the mission has no position signals.
     """
     inside = np.flatnonzero(shown)
     position = np.stack([signal(trajectory, n)[inside] for n in ("north", "east", "depth")], -1)
@@ -81,10 +81,10 @@ def read_channels(
 
 
 def _motion(trajectory: Trajectory, found: Poses, kept: Integers) -> dict[str, Array]:
-    """Attitude, velocities, buoyancy and current; what nothing tells is left out.
+    """Channels of attitude, velocities, buoyancy and current, without unknown channels.
 
-    An attitude that is only drawn along the track stays: the page's script needs it, and is told
-    that it is unknown.
+    An unknown attitude, which follows the track, is kept: the page's script needs an attitude, and
+    the page's `unknown` lists it.
     """
     ground = np.hypot(*(told(trajectory, f"velocity_{n}")[kept] for n in ("north", "east")))
     measured = {
@@ -102,10 +102,10 @@ def _motion(trajectory: Trajectory, found: Poses, kept: Integers) -> dict[str, A
 
 
 def thin(depth: Array, most: int) -> Integers:
-    """Indices of at most `most` samples, (n,): all where they fit.
+    """Choose at most `most` samples and return their indices, (n,); all if they fit.
 
-    Else the mission is cut into parts of equally many samples, and of each the shallowest and the
-    deepest stay, with the first and the last of all: no turn of a dive is lost.
+    Otherwise the mission is cut into parts with equal numbers of samples. The shallowest and the
+    deepest of each part are kept, and the first and the last of all: turns of dives are kept.
     """
     count = len(depth)
     if count <= most:
@@ -120,7 +120,7 @@ def thin(depth: Array, most: int) -> Integers:
 
 
 def _lost(time: Array, position: Array, chosen: Integers) -> dict[str, float]:
-    """Largest distances [m] of the samples from straight lines between the chosen ones."""
+    """[m] Largest distances of the samples from linear interpolation between chosen samples."""
     if len(chosen) == len(time):
         return {"depth": 0.0, "position": 0.0}
     north, east, depth = (np.interp(time, time[chosen], p[chosen]) - p for p in position.T)

@@ -1,4 +1,4 @@
-"""Page: a mission as one HTML file that loads nothing, and all that its script needs to know."""
+"""Page: a mission as one HTML file that loads nothing else, with the data for its script."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ from twin.show.web.solid import Body, Packed, pack, read_solid
 Array = NDArray[np.float64]
 
 ENDINGS = (".html", ".htm")
-LARGEST = 5_000_000  # [byte] of a page
-ROWS = 80_000  # samples that a page holds at most: what a phone still draws
+LARGEST = 5_000_000  # [byte] largest size of a page
+ROWS = 80_000  # most samples of a page: a phone can still draw these
 SCRIPTS = ("record", "marks", "space", "strip", "renderer", "track", "bodies", "scene", "controls",
            "page")  # fmt: skip
-"""In this order: each uses names of those before it when it is loaded"""
-STOPS = 48  # colours of the scale that the page blends between
+"""Names of the scripts, in order: each uses names of earlier scripts when it is loaded"""
+STOPS = 48  # number of colours of the scale between which the page blends
 PLACE_STEP, NORMAL_STEP, DEPTH_STEP = 1e-4, 0.01, 0.1
-"""Rounding of the vehicle's corners [m], of normals [1] and of the floor's depths [m]"""
+"""Rounding steps of the vehicle's corners [m], of normals [1] and of the floor's depths [m]"""
 CURRENT = ("current_north", "current_east")
 ARROW_SHARE = 0.13  # length of the strongest current's arrow over the block's, as in scene.js
-TRACK_ROWS = 12_000  # rows of all dead-reckoned tracks together
+TRACK_ROWS = 12_000  # most rows of all dead-reckoned tracks together
 
 
 def save_page(path: File, subject: Subject, shot: Shot, at: float | None = None) -> int:
@@ -50,7 +50,7 @@ def save_page(path: File, subject: Subject, shot: Shot, at: float | None = None)
 
     Raises:
       InputError: the name does not end in .html, or the shot does not fit the mission.
-      WriteError: something is in the way, or the disk refuses.
+      WriteError: another thing is at this path, or the disk refuses.
     """
     if path.suffix.lower() not in ENDINGS:
         raise InputError(f"page {path.name}: the ending must be {ENDINGS[0]}")
@@ -62,7 +62,7 @@ def save_page(path: File, subject: Subject, shot: Shot, at: float | None = None)
 
 
 def page_text(subject: Subject, shot: Shot, at: float | None = None, largest: int = LARGEST) -> str:
-    """The HTML text, thinned until it has at most `largest` bytes; see `channels.thin`.
+    """Make the HTML text, with samples thinned to at most `largest` bytes; see `channels.thin`.
 
     Raises:
       InputError: the shot does not fit the mission.
@@ -77,12 +77,12 @@ def page_text(subject: Subject, shot: Shot, at: float | None = None, largest: in
 
 
 def assemble(mission: Mapping[str, Any], *, connect: str = "'none'") -> str:
-    """The template with its style, its scripts and a mission.
+    """Fill the template with its style, its scripts and a mission.
 
     Args:
-      connect: where the page's script may fetch from, as a content security policy says it.
+      connect: sources from which the script may fetch, as in a content security policy.
     """
-    # "</script" would end the element; JSON may hold each "<" by its number.
+    # "</script" would end the element, so that "<" is written as an escape in the JSON.
     data = json.dumps(mission, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     whole = {
         "connect": connect,
@@ -99,12 +99,12 @@ def _file(name: str) -> str:
 
 
 def describe(subject: Subject, shot: Shot, rows: int, at: float | None = None) -> dict[str, Any]:
-    """The mission of a page.
+    """Describe a mission for the page's script.
 
     Args:
       shot: camera, part, colour, exaggeration and depth of the picture's lower end; the speed-up is
-        what the page begins with.
-      rows: samples kept at most; see `channels.thin`.
+        the page's initial one.
+      rows: most samples that are kept; see `channels.thin`.
       at: [s] mission time that is shown first.
 
     Raises:
@@ -112,7 +112,7 @@ def describe(subject: Subject, shot: Shot, rows: int, at: float | None = None) -
     """
     trajectory, time = subject.trajectory, subject.trajectory.time
     shown, paths = stage.shown_paths(subject, shot)
-    camera = "side" if shot.camera == "side" else "orbit"  # the chase needs no block of its own
+    camera = "side" if shot.camera == "side" else "orbit"  # map and chase use the orbit's block
     layout = stage.lay_out(paths, subject, shot, camera)
     values, scale = playback.track_values(trajectory, shot.colour, shown, subject.tracks)
     channels = read_channels(trajectory, shown, scale_share(values, scale), subject.floor, rows)
@@ -151,7 +151,7 @@ def describe(subject: Subject, shot: Shot, rows: int, at: float | None = None) -
 
 
 def pack_channels(channels: Channels, *, still: bool) -> dict[str, Packed]:
-    """As the page takes them; in still water without the current."""
+    """Pack the channels for the page; with `still` water the current is left out."""
     return {
         name: pack(row, channels.steps[name])
         for name, row in channels.values.items()
@@ -160,7 +160,7 @@ def pack_channels(channels: Channels, *, still: bool) -> dict[str, Packed]:
 
 
 def _opening(shot: Shot, trajectory: Trajectory, at: float | None) -> float:
-    """`at`, or the first moment at which the place is known."""
+    """[s] Mission time shown first: `at`, or the first time with a known position."""
     if at is not None:
         return float(shot.still_time(trajectory.time, at)[0])
     first, last = shot.part(trajectory.time)
@@ -170,7 +170,7 @@ def _opening(shot: Shot, trajectory: Trajectory, at: float | None) -> float:
 
 
 def _facts(trajectory: Trajectory) -> list[str]:
-    """Whose track and speed it is, of a log."""
+    """Texts that name the sources of a log's track, speed and current."""
     signals = {"track": "true_north", "speed": "true_surge", "current": "true_current_north"}
     words = {name: source_of(trajectory, signal, "") for name, signal in signals.items()}
     return [f"{name}: {source}" for name, source in words.items() if source]
@@ -204,8 +204,8 @@ def _unix(trajectory: Trajectory) -> float | None:
 
 
 def _place(trajectory: Trajectory) -> dict[str, Any] | None:
-    """Constants for latitudes and longitudes, as `geographic_position` has them; None
-    where the place is unknown or only nominal.
+    """Constants by which the page computes latitude and longitude, as `geographic_position` does;
+    None where the place is unknown or only nominal.
     """
     said = trajectory.provenance
     if coordinates.START_LATITUDE not in said or "place" in str(said.get(coordinates.NOMINAL, "")):
@@ -226,12 +226,12 @@ def _kind(part: str) -> str:
 
 
 def scale_share(values: Array, scale: Scale) -> Array:
-    """Where values lie on a colour scale, 0 to 1; NaN stays."""
+    """Position of values on a colour scale, 0 to 1; NaN stays."""
     return np.clip((values - scale.low) / (scale.high - scale.low), 0.0, 1.0)
 
 
 def _scale(scale: Scale, *, gaps: bool) -> dict[str, Any]:
-    """The colour scale; `gaps`: some of the track has no colour of it."""
+    """Colour scale for the page; `gaps`: parts of the track have unknown values."""
     colours = canvas.track_colours(np.linspace(0.0, 1.0, STOPS), 0.0, 1.0)
     return {
         "label": scale.label,
@@ -258,7 +258,7 @@ def _body(body: Body) -> dict[str, Any]:
 
 
 def _floor(table: Array | None, layout: SceneLayout) -> dict[str, Any] | None:
-    """Depths over the block, where the floor is in sight."""
+    """Depths of the sea floor over the block; None where the floor is below the block."""
     if table is None:
         return None
     found = sea.floor_grid(table, layout)
@@ -270,8 +270,8 @@ def _floor(table: Array | None, layout: SceneLayout) -> dict[str, Any] | None:
 def _profile(
     trajectory: Trajectory, shown: NDArray[np.bool_], layout: SceneLayout, path: Array
 ) -> dict[str, Any] | None:
-    """The mean current against depth and the strongest of all samples; None in still water or where
-    nobody knows it.
+    """Mean current against depth, and the strongest speed of all samples; None in still water or
+    for an unknown current.
     """
     velocity = np.stack([optional(trajectory, name, 0.0)[shown] for name in CURRENT], axis=-1)
     found = ribbon.profile(signal(trajectory, "depth")[shown], velocity)

@@ -1,8 +1,7 @@
-"""Server: a page for browsers of this machine, with the samples of a mission that is flown now.
+"""Server of a page for browsers on this machine, with the samples of a live mission.
 
-Every user of the machine reaches the port, so that the address has a key that only the command
-prints. A reader who has not shown the key is a stranger; few of them wait, and none for long. The
-mission goes on at so many mission seconds per second.
+Every user of the machine can reach the port. So the address contains a key, which only the command
+prints. A connection without the key is a stranger; strangers are limited in number and time.
 """
 
 from __future__ import annotations
@@ -35,27 +34,27 @@ from twin.show.web.page import describe, pack_channels, scale_share
 HOST = "127.0.0.1"  # this machine only
 NAMES = (HOST, "localhost")
 PORT, PORTS = 8080, 100
-"""Port that is taken when none is asked for, or a free one of so many behind it"""
+"""Default port, and the number of ports from there on among which a free one is taken"""
 STRANGERS = 16
-"""Connections that wait without having shown the key; a further one ends the oldest of them"""
-SILENCE = 10.0  # [s] without a byte, either way, after which a connection ends
-FIRST = 2  # samples with which the page begins
+"""Most waiting connections that have not shown the key; a further one ends the oldest"""
+SILENCE = 10.0  # [s] time without a byte in either direction after which a connection ends
+FIRST = 2  # number of samples with which the page begins
 LONGEST, SLICE = 0.5, 200
-"""[s] of computing in one answer, so that a fast mission does not keep the page waiting; and steps
-between two looks at the clock"""
+"""[s] Longest computing time of one answer, so that the page need not wait for a fast mission; most
+steps between two readings of the clock"""
 
 
 class PageServer(ThreadingHTTPServer):
-    """Has its port from the beginning, and serves a page from `show` until the context ends."""
+    """Server that takes its port at once, and serves a page from `show` until the context ends."""
 
     daemon_threads = True
     request_queue_size = 128
-    """Connections that may wait for their turn: the system holds back more, for seconds each."""
+    """Most pending connections; the system delays further ones by seconds."""
 
     def __init__(self, port: int | None = None):
         """
         Args:
-          port: 0 takes any free one; None the first free one from `PORT` on.
+          port: port number; 0 takes any free port, None the first free port from `PORT` on.
 
         Raises:
           InputError: the port is taken, or not allowed.
@@ -84,11 +83,11 @@ class PageServer(ThreadingHTTPServer):
         self._turn = threading.Lock()
 
     def show(self, text: str, live: LiveMission | None = None) -> None:
-        """Serve a page from now on; called again, another one at the same address.
+        """Serve a page from now on; a second call replaces the page at the same address.
 
         Args:
           text: HTML of the page.
-          live: what answers the page's questions for more samples.
+          live: mission that answers the page's requests for more samples.
         """
         self.page, self.live = text.encode(), live
         if self._thread is None:
@@ -97,7 +96,7 @@ class PageServer(ThreadingHTTPServer):
 
     @property
     def port(self) -> int:
-        """Port that it serves at."""
+        """Port of the server."""
         return int(self.server_address[1])
 
     @property
@@ -117,29 +116,29 @@ class PageServer(ThreadingHTTPServer):
         self.server_close()
 
     def process_request(self, request: object, client_address: object) -> None:
-        """Answer a connection in a thread of its own, as a stranger at first."""
+        """Answer a connection in a thread of its own; it is a stranger until it shows the key."""
         assert isinstance(request, socket.socket)
         with self._turn:
             if len(self._strangers) >= STRANGERS:
                 oldest = next(iter(self._strangers))
                 del self._strangers[oldest]
-                with contextlib.suppress(OSError):  # it has just gone by itself
+                with contextlib.suppress(OSError):  # the connection may have ended already
                     oldest.shutdown(socket.SHUT_RDWR)
             self._strangers[request] = None
         super().process_request(request, client_address)
 
     def know(self, request: object) -> None:
-        """A connection is no stranger any more: it has shown the key, or it has ended."""
+        """Remove a connection from the strangers, when it has shown the key or has ended."""
         with self._turn:
             self._strangers.pop(request, None)  # type: ignore[call-overload]
 
     def shutdown_request(self, request: object) -> None:
-        """The end of a connection."""
+        """End a connection and remove it from the strangers."""
         self.know(request)
         super().shutdown_request(request)  # type: ignore[arg-type]
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """A browser that goes away in the middle of an answer is no error."""
+        """Ignore connections that a browser closes during an answer; report other errors."""
         if not isinstance(sys.exception(), ConnectionError):
             super().handle_error(request, client_address)  # type: ignore[arg-type]
 
@@ -152,7 +151,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.connection.settimeout(SILENCE)
 
     def do_GET(self) -> None:
-        """The page; nothing changes by it."""
+        """Answer with the page; a GET request changes nothing."""
         what = self._asked()
         if what == "":
             self._answer(self.server.page, "text/html; charset=utf-8")
@@ -162,7 +161,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_error(404)
 
     def do_POST(self) -> None:
-        """The samples since one: the mission is flown on to now."""
+        """Fly the mission on to the present time and answer with the samples from `from` on."""
         what, live = self._asked(), self.server.live
         if what == "rows" and live is not None:
             first = parse_qs(urlsplit(self.path).query).get("from", [""])[0]
@@ -174,8 +173,8 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_error(404)
 
     def _asked(self) -> str | None:
-        """The path behind the key; None when the question has been answered already."""
-        # A name that another site's address was bent to is not ours.
+        """Path after the key; None when the request has been answered already."""
+        # Reject other host names, which another site may have pointed to this machine.
         host = (self.headers.get("Host") or "").rpartition(":")[0]
         try:
             path = urlsplit(self.path).path
@@ -184,7 +183,7 @@ class _Handler(BaseHTTPRequestHandler):
         shown, _, what = path.removeprefix("/").partition("/")
         if host not in NAMES:
             self.send_error(403)
-        elif shown == "favicon.ico":  # browsers ask for it beside every page
+        elif shown == "favicon.ico":  # browsers request this icon for every page
             self.send_response(204)
             self.end_headers()
         elif not hmac.compare_digest(shown.encode(), self.server.key.encode()):
@@ -204,19 +203,19 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def log_message(self, format: str, *args: object) -> None:
-        """Say nothing: the command's own lines are what people read."""
+        """Suppress the log of requests, which would disturb the command's own output."""
 
 
 class LiveMission:
-    """A closed-loop simulation that goes on while somebody asks for its samples.
+    """Closed-loop simulation that advances while a page requests its samples.
 
-    It begins with the first question, so that whoever opens the page sees it from the start.
+    The simulation begins with the first request, so that the page shows the mission from the start.
     """
 
     def __init__(self, scenario: Scenario, subject: Subject, shot: Shot, speed_up: float):
         """
         Args:
-          subject: the same mission flown once beforehand: it tells how large the sea must be.
+          subject: trajectory of an earlier flight of this mission, which sets the sea's size.
           speed_up: mission seconds per second.
 
         Raises:
@@ -231,14 +230,14 @@ class LiveMission:
         whole = np.ones(len(time), bool)
         _, self._scale = playback.track_values(trajectory, shot.colour, whole, ())
         self.mission = describe(subject, shot, len(time))
-        """The page's mission: all of the scene, the first samples, and where it will end"""
+        """Description of the mission for the page: the scene, the first samples and the end"""
         self._still = self.mission["profile"] is None
         self.mission["channels"] = self._channels(trajectory, 0, FIRST)
         deepest = float(trajectory["true_depth"].max())
         self.mission["live"] = {"end": float(time[-1]), "depth": deepest}
         self.mission["opening"] |= {"time": float(time[0]), "speed": speed_up}
         self.mission["notes"] = ["The mission is flown while this page shows it."]
-        # the first flight may have ended before its longest time; a step more completes its samples
+        # end with the earlier flight, which may have ended early; extra steps complete its samples
         flown = float(time[-1]) / self._simulation.model.opt.timestep
         self._steps = min(self._simulation.steps, round(flown) + 2)
         self._begun: float | None = None
@@ -246,10 +245,10 @@ class LiveMission:
         self._problem = ""
 
     def rows(self, first: int) -> dict[str, Any]:
-        """The samples from number `first` on that are flown by now, and whether more will come."""
+        """Samples flown so far, from number `first` on, and a flag that tells if more will come."""
         with self._turn:
             running = self._fly()
-            # the last sample is complete a step after its time
+            # the last sample becomes complete one step after its time
             count = len(self._simulation.rows) - running
             flown = self._simulation.trajectory() if count > max(first, 1) else None
         if self._problem:
@@ -259,7 +258,7 @@ class LiveMission:
         return {"running": running, "channels": self._channels(flown, first, count)}
 
     def _fly(self) -> bool:
-        """Step to where the clock is; whether the mission still goes on."""
+        """Step the simulation up to the clock's time; return True if the mission continues."""
         now = time.monotonic()
         if self._begun is None:
             self._begun = now
@@ -273,7 +272,7 @@ class LiveMission:
                     left = self._steps - round(simulation.data.time / timestep)
                     simulation.step(max(1, min(ahead, SLICE, left)))
                     if time.monotonic() - now > LONGEST:
-                        # computing is slower than the clock: the mission goes as fast as it can
+                        # computing is too slow: shift the clock, and fly as fast as possible
                         self._begun = time.monotonic() - simulation.data.time / self._speed
                         break
             if simulation.failed:

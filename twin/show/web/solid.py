@@ -1,9 +1,9 @@
-"""Solid: the vehicle's drawn shape as triangles, from its MJCF, and how its bodies move.
+"""Solid: the vehicle's visible shape as triangles, from its MJCF, and the motion of its bodies.
 
-Only what pictures show is taken: geoms of the groups that are seen, with their colours. Every
-shape becomes flat triangles whose normals are smoothed over edges that are not sharp.
+Only geoms that pictures show are included, with their colours. Every shape becomes flat triangles,
+whose normals are smoothed over edges that are not sharp.
 
-The page's script gets arrays as whole numbers of a declared step, in base64.
+`pack` encodes arrays for the page's script as integer multiples of a step, in base64.
 """
 
 from __future__ import annotations
@@ -25,30 +25,30 @@ from twin.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
-SIDES, RINGS = 28, 10  # facets around round shapes, and from the pole to the equator of domes
+SIDES, RINGS = 28, 10  # facets around round shapes, and from pole to equator of domes
 UNMOVED = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
 """Position and quaternion of a body in its parent's frame"""
 CREASE = math.cos(math.radians(42.0))  # faces that meet at a larger angle keep an edge
 WHOLES: tuple[type[np.signedinteger[Any]], ...] = (np.int8, np.int16, np.int32)
-"""The narrowest that holds a range is taken; the least number of each stands for NaN"""
+"""Integer types, of which the narrowest that holds a range is taken; each type's least is NaN"""
 
 
 class Body(NamedTuple):
-    """One body of the vehicle; frames as MuJoCo has them, z up, metres."""
+    """One body of the vehicle; frames are MuJoCo's, z up, in metres."""
 
     parent: int  # index of the body that carries it; -1 for the hull
-    position: Array  # in the parent's frame, (3,)
+    position: Array  # position in the parent's frame, (3,)
     quaternion: Array  # (w, x, y, z) to the parent's frame, (4,)
     moves: list[dict[str, Any]]
-    """For each part that moves it: {"part", "kind": slide or turn, "axis", "anchor"}, in order"""
+    """Motions of the body, in order: {"part", "kind": slide or turn, "axis", "anchor"}"""
     corners: Array  # corners of triangles, (triangles, 3 corners, 3)
-    normals: Array  # unit, as `corners`
-    colours: Array  # RGBA of its triangles, 0 to 1, (triangles, 4)
-    until: float = math.inf  # [s] mission time from when on it is gone
+    normals: Array  # unit normals, in the shape of `corners`
+    colours: Array  # RGBA of the triangles, 0 to 1, (triangles, 4)
+    until: float = math.inf  # [s] mission time at which the body is lost
 
 
 def read_solid(vehicle: Vehicle, faults: Sequence[Fault] = ()) -> list[Body]:
-    """The bodies of a vehicle, the hull first; what faults say is gone are bodies of their own."""
+    """Read the bodies of a vehicle, the hull first; geoms that a fault removes are bodies too."""
     model = mujoco.MjModel.from_xml_string(vehicle.xml)
     hull = model.body("hull").id
     turned = stage.turned_bodies(model, vehicle, "")
@@ -67,7 +67,7 @@ def read_solid(vehicle: Vehicle, faults: Sequence[Fault] = ()) -> list[Body]:
 
 
 def _seen(model: mujoco.MjModel, body: int, among: NDArray[np.bool_]) -> list[int]:
-    """Geoms of a body that pictures show."""
+    """Ids of the visible geoms of a body, `among` a mask of geoms."""
     return [
         geom
         for geom in np.flatnonzero(among).tolist()
@@ -78,7 +78,7 @@ def _seen(model: mujoco.MjModel, body: int, among: NDArray[np.bool_]) -> list[in
 
 
 def _shape(model: mujoco.MjModel, geoms: Sequence[int]) -> tuple[Array, Array, Array]:
-    """Corners, normals and colours of geoms of one body."""
+    """Corners, normals and colours of the geoms of one body."""
     pieces, colours = [np.zeros((0, 2, 3, 3))], [np.zeros((0, 4))]
     for geom in geoms:
         piece = _placed(_triangles(model, geom), model.geom_pos[geom], model.geom_quat[geom])
@@ -127,7 +127,7 @@ def _placed(corners: Array, position: Array, quaternion: Array) -> Array:
 
 
 def _triangles(model: mujoco.MjModel, geom: int) -> Array:
-    """Corners (triangles, 3, 3) in the geom's frame."""
+    """Corners of a geom's triangles, (triangles, 3, 3), in the geom's frame."""
     kind, size = mujoco.mjtGeom(int(model.geom_type[geom])), model.geom_size[geom]
     shapes = mujoco.mjtGeom
     if kind == shapes.mjGEOM_MESH:
@@ -151,7 +151,7 @@ def _triangles(model: mujoco.MjModel, geom: int) -> Array:
 
 
 def lathe(profile: Array) -> Array:
-    """A profile (n, 2) of radius and height, from the top, turned about z: (triangles, 3, 3)."""
+    """Rotate a profile (n, 2) of radius and height, from the top, about z: (triangles, 3, 3)."""
     angle = 2.0 * np.pi * np.arange(SIDES + 1) / SIDES
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     wide, high = profile[:, :1], profile[:, 1:]
@@ -175,10 +175,10 @@ def _unit_box() -> Array:
 
 
 def smooth_normals(corners: Array) -> Array:
-    """Unit normals (triangles, 3, 3) of triangles (triangles, 3, 3).
+    """Smoothed unit normals (triangles, 3, 3) of triangles (triangles, 3, 3).
 
-    At each corner the mean of the faces that meet there within CREASE of the face's own, weighted
-    by area.
+    A corner's normal is the area-weighted mean over the faces that meet there at an angle below
+    that of CREASE to the corner's own face.
     """
     face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     unit = face / np.maximum(np.linalg.norm(face, axis=-1, keepdims=True), 1e-15)
@@ -197,14 +197,14 @@ def smooth_normals(corners: Array) -> Array:
 
 
 Packed = dict[str, Any]
-"""{"type", "offset", "step", "data"}, as JSON takes it"""
+"""Packed array for JSON: {"type", "offset", "step", "data"}"""
 
 
 def pack(values: Array, step: float) -> Packed:
-    """Numbers of any shape in row order, rounded to multiples of `step` in their own unit.
+    """Pack numbers of any shape, in row order, rounded to multiples of `step` in their unit.
 
     Raises:
-      InputError: the range holds too many steps for 32 bits.
+      InputError: the range has too many steps for 32 bits.
     """
     inside = np.isfinite(values)
     known = values[inside]

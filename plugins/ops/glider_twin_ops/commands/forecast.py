@@ -1,4 +1,4 @@
-"""`twin forecast`: where and when a glider surfaces next, how surely, and what it costs."""
+"""Command `twin forecast`: place, time and energy of a glider's next surfacings, with ellipses."""
 
 from __future__ import annotations
 
@@ -17,72 +17,72 @@ if TYPE_CHECKING:
     from twin.mission import Mission
 
 USUAL_DEPTH, USUAL_RADIUS = 200.0, 500.0
-"""[m] of --goto"""
+"""[m] Default depth and radius of arrival of --goto"""
 USUAL_HOURS = 6.0
-"""[h] under water between surfacings of --goto"""
+"""[h] Default time under water between surfacings of --goto"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ForecastSurfacings(JsonOption):
-    """The next surfacings with ellipses that hold 50 and 90 %, times, energy and days left, from
-    members that are drawn from what is known and flown on all cores. Examples:
+    """Forecast the next surfacings with ellipses of 50 and 90 %, times, energy and days left, by
+    members that are sampled from what is known and flown on all cores. Examples:
 
         twin forecast --vehicle slocum-200 --from 36.8,-122.4,2026-11-22T12:00 --goto "36.9,-122.5"
         twin forecast --vehicle mine.xml --mission glider.mi --logs real.zarr --out next
     """
 
     vehicle: str | None = None
-    """what `twin identify` wrote, a shipped vehicle's name, or the path of an MJCF file; default:
-    with --logs the shipped one of the log's kind, as `twin flight` takes it, else glider"""
+    """vehicle: file of `twin identify`, a shipped vehicle's name, or an MJCF file; default: with
+    --logs the shipped one of the log's kind, as in `twin flight`, else glider"""
     from_: Annotated[str | None, tyro.conf.arg(name="from", metavar="LAT,LON,TIME")] = None
-    """where and when it dives next: degrees north and east, and UTC, such as
+    """place and time of the next dive: degrees north and east, and UTC, such as
     36.8,-122.4,2026-11-22T12:00; default: the last fix of --logs"""
     goto: Annotated[str | None, tyro.conf.arg(metavar="LAT,LON[;LAT,LON]")] = None
-    """places to go to, with ; between them"""
+    """places to go to, separated by ;"""
     mission: str | None = None
-    """mission file instead, TOML or Slocum's .mi, or a shipped mission's name"""
+    """mission file (TOML or Slocum's .mi) or shipped mission's name, in place of --goto"""
     depth: float | None = None
-    """of --goto: depth [m] of the dives; default: 200"""
+    """depth [m] of the dives of --goto; default: 200"""
     pitch: float | None = None
-    """of --goto: pitch [deg] of dives and climbs; default: the vehicle's usual glide"""
+    """pitch [deg] of dives and climbs of --goto; default: the vehicle's usual glide"""
     surface_every: Hours | None = None
-    """of --goto: hours under water between surfacings; default: 6"""
+    """hours under water between surfacings of --goto; default: 6"""
     radius: float | None = None
-    """of --goto: distance [m] at which a place is reached; default: 500"""
+    """radius of arrival [m] of --goto; default: 500"""
     current: str | None = None
-    """forecast of the current: a file (CF netCDF or zarr) that covers --hours and some more, or
-    grid:FILE,hold=SECONDS to let its first and last time last longer, or any other text that
-    `twin simulate --current` takes; default: what the logs told goes on"""
+    """forecast of the current: a file (CF netCDF or zarr) that covers more than --hours, or
+    grid:FILE,hold=SECONDS to extend its first and last time, or any other text that `twin simulate
+    --current` takes; default: models of the logs' currents"""
     current_error: float | None = None
     """standard deviation [m/s], north and east each, of the error of --current; default: 0.1"""
     density: str = "usual"
     """water column, as `twin simulate --density` takes it"""
     logs: Path | None = None
-    """store of logs that `factory import` wrote: its fixes tell the current, the speed's and the
-    compass's error, and where it is"""
+    """store of logs that `factory import` wrote: its fixes give the current, the errors of speed
+    and compass, and the place"""
     way: Literal["usual", "model", "log"] = "usual"
-    """way through the water in the logs: model (the vehicle's flight model), log (depth rate and
-    pitch, or the reported current) or usual (model where the vehicle was identified)"""
+    """source of the velocity through the water in the logs: model (the vehicle's flight model), log
+    (depth rate and pitch, or the reported current) or usual (model if the vehicle is identified)"""
     members: int = 200
-    """drawn and flown, at least 10"""
+    """number of members, at least 10"""
     hours: Hours = 12.0
-    """how far ahead surfacings are told, such as 12 (hours) or 2d; members fly on until the late
-    ones are up, too"""
+    """horizon of the surfacings, such as 12 (hours) or 2d; members fly longer, until late ones have
+    surfaced"""
     energy_left_kwh: float | None = None
     """energy left in the batteries [kW h], for the days left"""
     seed: int = 0
-    """of the draws"""
+    """seed of the samples"""
     engine: Literal["lanes", "mujoco"] = "lanes"
-    """what flies the members: lanes, the Fossen model for many at once, whose first member is
-    flown in MuJoCo too and the difference said; or mujoco"""
+    """engine of the members: lanes (the Fossen model for many at once, its first member compared
+    with MuJoCo) or mujoco"""
     threads: int = 0
-    """of the fleets; 0 takes every core"""
+    """number of threads; 0 takes every core"""
     out: Path | None = None
-    """folder for index.html with a map, forecast.json and forecast.geojson; written at once with
-    the first member, and again as others follow"""
+    """folder for index.html with a map, forecast.json and forecast.geojson; written with the first
+    member, and again as others follow"""
 
     def run(self, console: Console) -> int:
-        """Ask, fly, say."""
+        """Check the options, fly the members, print the forecast."""
         from glider_twin_ops.forecast import forecast
 
         self._check()
@@ -127,7 +127,7 @@ class ForecastSurfacings(JsonOption):
             raise InputError("give --goto or --mission, not both")
         if self.goto is None and self.mission is None:
             said = 'give --goto "LAT,LON[;LAT,LON]" or --mission FILE'
-            if self.logs is not None:  # where the log itself goes, and who takes that from it
+            if self.logs is not None:  # where the log's last dive was sent
                 aim = aim_of(self.logs)
                 sent = f'in its last dive it was sent to --goto "{aim}"'
                 said += (
@@ -207,7 +207,7 @@ class ForecastSurfacings(JsonOption):
         return mission
 
     def _write(self, out: Path, found: Found, *, ended: bool = False) -> Path:
-        """Write the folder; `ended`: no more members follow."""
+        """Write the folder; `ended` is True if no more members follow."""
         from glider_twin_ops.pages import write_forecast
 
         return write_forecast(found, out, reload_s=None if ended or found.complete else 5.0)
@@ -238,7 +238,7 @@ class ForecastSurfacings(JsonOption):
 
 
 def vehicle_of(name: str | None, logs: Path | None) -> Vehicle:
-    """Load a named vehicle, else the shipped one of the log's kind, else `glider`."""
+    """Load the named vehicle, else the shipped one of the log's kind, else `glider`."""
     from twin import load_vehicle
     from twin.identify import start_vehicle
 
@@ -248,10 +248,10 @@ def vehicle_of(name: str | None, logs: Path | None) -> Vehicle:
 def begun_at(
     console: Console, start: str | None, logs: Path | None, model: Vehicle | None
 ) -> tuple[Origin, Known]:
-    """Where and when a forecast begins, and what is known then; says where that is little.
+    """Start of a forecast and the state there; warns of logs that are old or far away.
 
     Args:
-      model: flight model for the way through the water in the logs.
+      model: flight model for the velocity through the water in the logs.
     """
     from glider_twin_ops.forecast import begun, known_from_logs
 
@@ -263,7 +263,7 @@ def begun_at(
 
 
 def field_of(current: str | None, error: float | None) -> dict[str, Any]:
-    """Field and its error as a `Request` takes them."""
+    """Arguments `field` and `field_error` of `Request`."""
     from twin.water.current import parse_field
 
     found: dict[str, Any] = {} if error is None else {"field_error": error}
@@ -271,7 +271,7 @@ def field_of(current: str | None, error: float | None) -> dict[str, Any]:
 
 
 def _say_mean(console: Console, found: Found) -> None:
-    """The mean of what is known, at once."""
+    """Print the surfacings of the first member, the mean of what is known."""
     if not found.surfacings:
         console.note(f"the mean of what is known does not surface in {found.request.hours:g} h")
     for one in found.surfacings:

@@ -1,4 +1,4 @@
-"""`twin health`: is something wrong with a vehicle, by its logs."""
+"""`twin health`: faults of a vehicle, by its logs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from glider_twin_ops.health import Answers
 
 FEW = 4
-"""Deployments that are answered for where nobody says"""
+"""Most deployments for which answers are given by default"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +22,7 @@ class JudgeHealth(JsonOption):
     """Judge every deployment of a store of logs: a fault or none, which, since when and how sure.
 
     Each dive's depth rates, trim, roll, turns, pump, power, vacuum and sensors are followed, and
-    what a fault would do to them is flown by the twin. docs/howto/health.md lists the faults.
+    compared with flights of the twin with each fault. docs/howto/health.md lists the faults.
 
     Examples:
 
@@ -37,7 +37,7 @@ class JudgeHealth(JsonOption):
     """the vehicle that made them: what `twin identify` wrote, or a shipped name; default: the
     shipped one of the log's kind"""
     false_alarm_days: float = 30.0
-    """days of sound vehicles in which one false alarm is borne, from 3 to 300"""
+    """days of sound vehicles in which one false alarm is accepted, from 3 to 300"""
     deployment: tuple[str, ...] = ()
     """names of the deployments to judge; default: all"""
     answers: bool | None = None
@@ -48,7 +48,7 @@ class JudgeHealth(JsonOption):
     network"""
 
     def run(self, console: Console) -> int:
-        """Judge, say, write the page."""
+        """Judge, print, write the page."""
         from glider_twin_ops.health import answer_for, assess
         from twin import load_vehicle
         from twin.identify import other_kind, start_vehicle

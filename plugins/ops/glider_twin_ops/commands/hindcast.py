@@ -1,4 +1,4 @@
-"""`twin hindcast`: forecasts of a deployment's surfacings beside where it surfaced."""
+"""Command `twin hindcast`: forecasts of a deployment's surfacings, scored at its fixes."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class HindcastSurfacings(JsonOption):
-    """Walk through deployments, forecast every surfacing from what a pilot knew before its dive,
-    and score that beside rivals that go straight to the waypoint: with no current, that of the last
-    dive (persistence), mean and tide by least squares, and the vehicle's own. Example:
+    """Forecast every surfacing of deployments from the data before its dive, and score it beside
+    rivals that go straight to the waypoint: with no current, that of the last dive (persistence),
+    mean and tide by least squares, and the vehicle's own. Example:
 
         twin hindcast real.zarr --out hindcast
     """
@@ -30,28 +30,28 @@ class HindcastSurfacings(JsonOption):
         tyro.conf.Positional,
         tyro.conf.arg(metavar="STORE [STORE ...]", help_behavior_hint="(required)"),
     ]
-    """stores of logs, as `factory import` writes them; several are scored together, too"""
+    """stores of logs that `factory import` wrote; several are also scored together"""
     train_fraction: float = 0.0
-    """part of each deployment, at its beginning, that teaches and is not scored, such as the dives
-    that --vehicle was identified on"""
+    """fraction of each deployment, at its beginning, that teaches and is not scored, such as the
+    dives that --vehicle was identified on"""
     vehicle: str | None = None
-    """flight model for the way through the water: what `twin identify` wrote, or a shipped name;
+    """flight model for the velocity through the water: file of `twin identify`, or a shipped name;
     default: depth rate and pitch, and without a logged pitch the current that the vehicle reported
     after each dive"""
     current: str | None = None
     """forecast of the current that is known ahead: a file (CF netCDF or zarr) that covers the
-    deployments, or any other text that `twin simulate --current` takes; what it is worth is learned
-    on the way. Default: none"""
+    deployments, or any other text that `twin simulate --current` takes; its weight is learned from
+    dive to dive. Default: none"""
     members: int | None = None
-    """fly so many members for every scored surfacing too, as `twin forecast` does, and score where
-    they come up; by --vehicle, or the shipped one of the log's kind. Default: none"""
+    """number of members to fly and score for every scored surfacing, as in `twin forecast`, by
+    --vehicle or the shipped one of the log's kind; default: none"""
     engine: Literal["lanes", "mujoco"] = "lanes"
-    """what flies --members; of lanes one member is flown in MuJoCo too and the difference said"""
+    """engine of --members; with lanes one member is compared with MuJoCo"""
     out: Path | None = None
     """folder for a page with a map, index.html, that opens without a network"""
 
     def run(self, console: Console) -> int:
-        """Walk, score, say."""
+        """Walk through the deployments, print scores, write the page."""
         from glider_twin_ops.forecast import hindcast
         from twin.errors import InputError
         from twin.records import LogStore
@@ -112,7 +112,7 @@ class HindcastSurfacings(JsonOption):
 
 
 def _lines(rows: Sequence[tuple[str, Scores]]) -> list[dict[str, object]]:
-    """A line of a table for each deployment."""
+    """Table row of each deployment."""
     from glider_twin_ops.forecast.walk import METHODS
 
     partial = {method for _, scores in rows for method in scores.partial}
@@ -131,7 +131,7 @@ def _lines(rows: Sequence[tuple[str, Scores]]) -> list[dict[str, object]]:
 
 
 def _told(one: DeploymentHindcast) -> str:
-    """What its forecasts rest on, or why there are none."""
+    """Number of dives and the models' weights, or the reason why nothing is scored, in words."""
     dives = counted(len(one.legs), "dive")
     if not one.surfacing.segments:
         said = (

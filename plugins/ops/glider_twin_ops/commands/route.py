@@ -1,4 +1,4 @@
-"""`twin route`: the best ways to a place for a vehicle that may be slower than the water."""
+"""Command `twin route`: the fastest paths to a place through a current."""
 
 from __future__ import annotations
 
@@ -16,53 +16,53 @@ if TYPE_CHECKING:
     from glider_twin_ops.forecast import Known, Request
 
 RADIUS, USUAL_PITCH, LONGEST = 1000.0, 26.0, 240.0
-"""[m] at which a place is reached; [degree] of the mission before the polar has told the fastest;
-[h] that a way may last"""
+"""[m] Radius of arrival; [degree] pitch of the mission before the polar gives the fastest; [h]
+longest path"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlanRoute(JsonOption):
-    """The best three ways to a place through a forecast of the current, beside the straight one:
-    hours and gain with intervals by draws of the forecast's error, and flown by the twin. Example:
+    """Find the fastest three paths to a place through a forecast of the current, beside the
+    straight one, with hours, gain and their intervals by samples of the forecast's error. Example:
 
         twin route --vehicle slocum-200 --from 48.5,-15,2000-01-05T00:00 --to 48.8,-14.2
             --current forecast.nc
     """
 
     to: Annotated[str, tyro.conf.arg(metavar="LAT,LON")]
-    """where it is to go"""
+    """place to go to"""
     vehicle: str | None = None
-    """as of `twin forecast`"""
+    """vehicle, as in `twin forecast`"""
     from_: Annotated[str | None, tyro.conf.arg(name="from", metavar="LAT,LON,TIME")] = None
-    """where and when it begins, UTC; default: the last fix of --logs"""
+    """place and time of the start, UTC; default: the last fix of --logs"""
     via: Annotated[str | None, tyro.conf.arg(metavar="LAT,LON[;LAT,LON]")] = None
-    """places to pass, in the order that takes least"""
+    """places to pass, in any order; the fastest order is taken"""
     avoid: Annotated[Path | None, tyro.conf.arg(metavar="GEOJSON")] = None
-    """polygons that it must not enter: shallow water, shipping, borders"""
+    """polygons that a path must not enter: shallow water, shipping, borders"""
     current: str | None = None
-    """forecast of the current, as `twin forecast --current` takes it; without one, --logs must tell
-    the current"""
+    """forecast of the current, as in `twin forecast --current`; without one, --logs must give the
+    current"""
     current_error: float | None = None
-    """standard deviation [m/s], north and east each, of its error; default: 0.1"""
+    """standard deviation [m/s], north and east each, of the error of --current; default: 0.1"""
     logs: Path | None = None
     """store of logs that `factory import` wrote"""
     depth: float = 200.0
-    """[m] of the dives"""
+    """depth [m] of the dives"""
     pitch: float | None = None
-    """[deg] of dives and climbs; default: the fastest over ground"""
+    """pitch [deg] of dives and climbs; default: the fastest over ground"""
     surface_every: float = 6.0
     """hours under water between surfacings"""
     members: int = 16
-    """that the twin flies along each way, at least 10"""
+    """number of members that fly along each path, at least 10"""
     seed: int = 0
-    """of the draws"""
+    """seed of the samples"""
     out: Annotated[Path | None, tyro.conf.arg(metavar="GEOJSON")] = None
-    """write the ways here, for a map"""
+    """file for the paths, for a map"""
     overwrite: bool = False
     """replace an existing --out"""
 
     def run(self, console: Console) -> int:
-        """Ask, search, fly, say."""
+        """Search the paths, fly them, print the table."""
         import json
 
         from glider_twin_ops.forecast import plan_routes
@@ -119,7 +119,7 @@ class PlanRoute(JsonOption):
 
 
 def _place(option: str, text: str) -> tuple[float, float]:
-    """Latitude, longitude [degree]."""
+    """Latitude, longitude [degree] of an option's text."""
     from twin.errors import InputError
 
     try:

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 OF_NEW = ("from_", "vehicle", "kind", "goto", "energy_kwh", "cache", "mapping")
 OF_PASSES = ("once", "replay", "as_of", "to_learn", "every", "serve", "port")
 EVERY, LEAST_EVERY = 60.0, 1.0
-"""[s] between two looks, and the least"""
+"""[s] Usual time between two looks for files, and the shortest allowed"""
 HOUR, DAY_H = 3600.0, 24.0
 PAST_DAYS = 30.0
-"""[d] after its last fix from which a deployment counts as over"""
+"""[d] Age of the last fix from which a deployment counts as over"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +72,7 @@ class WatchDeployment(JsonOption):
     """of --serve; 0 takes any free one; default: the first free one from 8080 on"""
 
     def run(self, console: Console) -> int:
-        """Make, or pass."""
+        """Make a deployment's folder, or make passes over one."""
         from glider_twin_ops.watching import WatchedDeployment, propose_learning
 
         self._check()
@@ -178,7 +178,7 @@ class WatchDeployment(JsonOption):
     def _pass(
         self, console: Console, deployment: WatchedDeployment, until: datetime.datetime | None
     ) -> Passed | None:
-        """One pass, said."""
+        """Make one pass and print its result; None where another pass holds the folder."""
         from glider_twin_ops.pages.morning_page import summary
         from glider_twin_ops.watching import one_pass
         from glider_twin_ops.watching.watch_pass import alone
@@ -194,7 +194,7 @@ class WatchDeployment(JsonOption):
             missing = passed.log.cut_or_left_out
         else:
             console.say(summary(passed.told, passed.new).rstrip("\n"))
-            missing = list(passed.told.missing[1:])  # the summary has the first
+            missing = list(passed.told.missing[1:])  # the summary printed the first
         if late := _late(passed.latest, until):
             console.say(late)
         for said in missing:
@@ -234,11 +234,11 @@ class WatchDeployment(JsonOption):
 
 
 def _late(latest: Mapping[str, Any], until: datetime.datetime | None) -> str:
-    """How old the last fix is now or at the moment that was asked for; empty of the last hour, and
-    of a deployment of the past.
+    """Sentence on the age of the last fix, now or at a moment; empty within an hour, and for a
+    deployment that is over.
 
     Args:
-      latest: as `latest.json` has it. until: None: now.
+      latest: values of `latest.json`. until: moment of the pass; None: now.
     """
     import time
 
@@ -266,12 +266,12 @@ def _age(hours: float) -> str:
 
 
 def _whole(name: str) -> str:
-    """Path of a file from the root on; another name as it is."""
+    """Absolute path of an existing file; any other name unchanged."""
     return str(Path(name).resolve()) if Path(name).is_file() else name
 
 
 def _asked(console: Console, what: str) -> str:
-    """What a person at a terminal answers; empty without one."""
+    """Ask a person at the terminal; empty without one."""
     import sys
 
     alone = console.json or not (sys.stdin.isatty() and sys.stdout.isatty())

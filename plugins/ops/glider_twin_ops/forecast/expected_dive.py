@@ -1,9 +1,9 @@
-"""Expected dive: the way through the water and the end of a dive that begins now.
+"""Expected dive: velocity through the water and duration of a dive that begins now.
 
-The vehicle is sent to waypoints. By its own reckoning it goes straight to each, at the speed of its
-recent dives; where it steers against the current that it believes in, its heading leans into that
-current. Gliders surface after a time under water, a time after the last surfacing, or by the clock:
-every hour, two, three or four. Dives so far say which way, and which order, is to be believed.
+A vehicle is sent to waypoints. By its own reckoning it goes straight to each, at the speed of its
+recent dives. A vehicle that corrects for its current estimate heads into that current. Gliders
+surface after a time under water, a time after the last surfacing, or by the clock every 1, 2, 3 or
+4 h. Pools weigh the models of velocity and of duration by the dives so far; `walk` uses both.
 """
 
 from __future__ import annotations
@@ -22,26 +22,27 @@ from twin.numbers import Array
 Place = tuple[float, float]
 
 ARRIVED, STEEPEST = 20.0, 0.95
-"""[m] from a waypoint at which the next one is gone to: a Slocum's lists say 10 m and more; and [1]
-sine of the most that a heading leans into a current across: beyond, no way is made"""
+"""[m] Radius of arrival at a waypoint: lists of Slocums have 10 m and more; and [1] largest sine of
+the angle between heading and course: closer to 1 the vehicle makes no headway"""
 FORGETTING, RECENT = 0.9, 7
-"""See `Pool`: where a vehicle is sent, and when it surfaces, changes faster than the sea; and dives
-whose median is the speed"""
+"""[1] `Pool`'s forgetting, faster than the current's: pilots change waypoints and times sooner than
+the sea changes; and number of last dives whose median is the vehicle's speed"""
 FASTEST, COARSE, FINE = 1.5, 0.05, 0.01
-"""[m/s] up to which the speed of a dive along its waypoints is looked for, and its two steps"""
+"""[m/s] Upper end of the search for a dive's speed along its waypoints, and its two steps"""
 ALONG = 0.3
-"""[1] of its way by which a dive may miss the way to its waypoints, for its speed to be by them"""
+"""[1] Largest misfit of a dive to the path along its waypoints, as a fraction of its length; beyond
+it the dive's speed is its straight length over its duration"""
 
 
 def guided_way(
     targets: Sequence[Place], speed: float, believed: Place, duration: float
 ) -> Place | None:
-    """Way through the water to waypoints; beyond the last of them straight on.
+    """Displacement through the water along waypoints; beyond the last one the course goes on.
 
     Args:
       targets: north, east [m] from the start, in order.
-      speed: [m/s] through the water, level.
-      believed: north, east [m/s] of the current with which the vehicle reckons.
+      speed: [m/s] through the water, horizontal.
+      believed: north, east [m/s] of the current that the vehicle corrects for.
       duration: [s]
 
     Returns:
@@ -68,7 +69,7 @@ def guided_way(
 
 
 def _leaning(toward: complex, speed: float, drift: complex) -> tuple[complex, float]:
-    """Velocity through the water that makes way toward a place, and the speed of that way [m/s]."""
+    """Velocity through the water for a course toward a place, and speed along that course [m/s]."""
     beside = drift * toward.conjugate()  # along and across
     lean = math.copysign(min(abs(beside.imag), STEEPEST * speed), -beside.imag)
     along = math.sqrt(speed**2 - lean**2)
@@ -76,10 +77,10 @@ def _leaning(toward: complex, speed: float, drift: complex) -> tuple[complex, fl
 
 
 def plain_velocity(before: Sequence[LoggedLeg], targets: Sequence[Place]) -> Array:
-    """Speed of the last three dives toward the first waypoint, or where the last one went.
+    """Velocity toward the first waypoint, else along the last dive, at the last three's mean speed.
 
     Args:
-      before: the dives so far, at least one. targets: of the dive that begins.
+      before: the dives so far, at least one. targets: waypoints of the dive that begins.
 
     Returns:
       North, east [m/s], (2,).
@@ -96,12 +97,12 @@ WAY_PRIORS: Mapping[str, Prior] = {
     AGAIN: Prior(0.54, 0.071),
     NOWHERE: Prior(0.2, 0.14),
 }
-"""Of each kind of way, as deployments have them in common (`python -m benchmarks.surfacings`);
-scales in m/s"""
+"""Prior of each model of the velocity through the water, learned over deployments (`python -m
+benchmarks.surfacings`): scale in m/s"""
 
 
 class WayPool:
-    """Kinds of ways, mixed by what they were worth on the dives so far."""
+    """Models of the velocity through the water, weighted by the dives so far."""
 
     def __init__(self, priors: Mapping[str, Prior] = WAY_PRIORS):
         self.pool = Pool({name: priors[name] for name in WAY_PRIORS}, forgetting=FORGETTING)
@@ -110,29 +111,29 @@ class WayPool:
 
     @property
     def speed(self) -> float | None:
-        """[m/s] level, of recent dives; None before the first."""
+        """[m/s] Horizontal speed of recent dives; None before the first."""
         return float(np.median(self._speeds[-RECENT:])) if self._speeds else None
 
     def steered(self, one: LoggedLeg) -> Place:
-        """Current that a vehicle steers against, north and east [m/s]: what it believes, where on
-        the last dive its own track held that."""
+        """Current that a vehicle corrects for, north and east [m/s]: its estimate, if its own track
+        of the last dive contained that estimate; else zero."""
         last = self._last
         if last is None or one.believed is None or not _reckons(last):
             return 0.0, 0.0
         return one.believed
 
     def expect(self, one: LoggedLeg, duration: float) -> Mixture:
-        """Velocity through the water [m/s], mean over a dive that begins now.
+        """Mean velocity through the water [m/s] of a dive that begins now.
 
         Args:
-          one: of it are read the waypoints and what the vehicle believes.
+          one: only its waypoints and the vehicle's current estimate are read.
           duration: [s] expected.
         """
         return self.toward(one.targets, self.steered(one), duration)
 
     def toward(self, targets: Sequence[Place], steered: Place, duration: float) -> Mixture:
-        """Velocity on a dive to targets, north and east [m] from its begin, leaning into the
-        current `steered` [m/s]."""
+        """Mean velocity through the water [m/s] to targets, north and east [m] from the begin, by a
+        vehicle that corrects for the current `steered` [m/s]."""
         said = np.full((3, 2), np.nan)
         said[2] = 0.0
         if self._last is not None and self.speed is not None:
@@ -143,7 +144,7 @@ class WayPool:
         return self.pool.expect(said)
 
     def learn(self, one: LoggedLeg) -> Array:
-        """Take a dive that has ended; returns the part of each kind in explaining its way."""
+        """Learn from a dive that has ended; returns each model's posterior weight for it."""
         self.expect(one, one.leg.duration)
         part = self.pool.learn(one.velocity)
         self._speeds.append(_speed_of(one))
@@ -152,7 +153,7 @@ class WayPool:
 
 
 def _reckons(one: LoggedLeg) -> bool:
-    """Whether a vehicle's own track held the current that it believed in."""
+    """True if a vehicle's own track contained its current estimate."""
     if one.onboard is None or one.believed is None:
         return False
     held = np.array(one.onboard) / one.leg.duration - one.velocity
@@ -160,7 +161,7 @@ def _reckons(one: LoggedLeg) -> bool:
 
 
 def _speed_of(one: LoggedLeg) -> float:
-    """[m/s] through the water along the waypoints; where the way was not theirs, by its length."""
+    """[m/s] Speed along the waypoints; of a dive off their path, straight length over time."""
     straight, through = float(np.hypot(*one.velocity)), one.leg.through_water
     believed = one.believed if one.believed is not None and _reckons(one) else (0.0, 0.0)
     assert through is not None
@@ -176,13 +177,13 @@ def _speed_of(one: LoggedLeg) -> float:
 
 HOUR = 3600.0
 CLOCKS, ENDS = (1.0, 2.0, 3.0, 4.0), 5
-"""[h] between surfacings by the clock, and ends from which its phase is taken"""
+"""[h] Intervals of surfacings by the clock, and number of last surfacings that give the phase"""
 SHORTEST = 600.0
-"""[s] of a dive"""
+"""[s] Shortest expected dive"""
 STAYS, LONGEST_STAY = 10, 6.0 * HOUR
-"""Last stays at the surface that tell of the next, and [s] of one; longer is a gap"""
+"""Number of last surface intervals that are sampled, and [s] longest: a longer one is a gap"""
 SHORTENED, LENGTHENED = -0.8, 3.0
-"""[1] by which a dive is drawn shorter or longer than expected at most"""
+"""[1] Limits of a sampled dive's relative change of duration"""
 CLOCK_PRIORS = (Prior(0.14, 0.12), Prior(0.07, 0.16), Prior(0.06, 0.18), Prior(0.06, 0.14))
 SCHEDULE_PRIORS: Mapping[str, Prior] = {
     "as the last": Prior(0.4, 0.12),
@@ -190,21 +191,21 @@ SCHEDULE_PRIORS: Mapping[str, Prior] = {
     "since the last surfacing": Prior(0.19, 0.12),
     **{f"every {h:g} h": prior for h, prior in zip(CLOCKS, CLOCK_PRIORS, strict=True)},
 }
-"""Of each order, as deployments have them in common (`python -m benchmarks.surfacings`); scales as
-part of the usual duration"""
+"""Prior of each model of the duration, learned over deployments (`python -m
+benchmarks.surfacings`): scale as a fraction of the usual duration"""
 FREEDOM, COUNTED = 3.0, 2.0
-"""See `Pool`: orders are kept to the minute until a pilot gives another"""
+"""Arguments of `Pool`: dives keep an order to the minute until a pilot gives another one"""
 
 
 class SurfacingSchedule:
-    """Orders to surface, mixed by how well they foretold the ends so far."""
+    """Models of a dive's duration, weighted by how well they forecast the ends so far."""
 
     def __init__(self, priors: Mapping[str, Prior] = SCHEDULE_PRIORS):
         self.pool = Pool(priors, freedom=FREEDOM, counted=COUNTED, forgetting=FORGETTING)
         self._dives: list[DiveTime] = []
 
     def expect(self, begin: float) -> Mixture:
-        """Duration [s] of a dive that begins at a time [s], (1,).
+        """Forecast the duration [s], (1,), of a dive that begins at a time [s].
 
         Raises:
           InputError: there was no dive before.
@@ -220,7 +221,7 @@ class SurfacingSchedule:
         return self.pool.expect(np.array([said]).T, np.full((len(said), 1, 1), usual**2))
 
     def learn(self, dive: DiveTime) -> Array | None:
-        """Take a dive that has ended; returns the part of each order in explaining it."""
+        """Learn from a dive that has ended; returns each model's posterior weight for it."""
         part = None
         if self._dives:
             self.expect(dive.begin)
@@ -230,7 +231,7 @@ class SurfacingSchedule:
 
 
 def _by_clock(ends: Array, begin: float, usual: float, period: float) -> float:
-    """[s] to the time of the clock next to a usual duration; NaN where dives are much shorter."""
+    """[s] Duration to the clock time nearest to the usual end; NaN where dives are much shorter."""
     if usual < 0.5 * period:
         return np.nan
     turn = 2.0 * np.pi / period
@@ -240,37 +241,37 @@ def _by_clock(ends: Array, begin: float, usual: float, period: float) -> float:
 
 
 def middle(mixture: Mixture) -> float:
-    """Weighted median of what the orders say [s]: that of one order, not one between two."""
+    """[s] Weighted median of the models' durations; always one model's, never between two."""
     order = np.argsort(mixture.means[:, 0], kind="stable")
     reached = np.searchsorted(np.cumsum(mixture.weights[order]), 0.5)
     return float(mixture.means[order[min(int(reached), len(order) - 1)], 0])
 
 
 class Delays(NamedTuple):
-    """By what members come up later than they flew; the first has the usual stays and no error."""
+    """Timing errors of members; the first member has the usual surface interval and no error."""
 
     stays: Array
-    """[s] at the surface before each dive, (member, dive)"""
+    """[s] surface interval before each dive, (member, dive)"""
     late: Array
-    """[1] part by which all dives of a member last longer than they were flown, (member,): another
-    order of the pilot is kept, too"""
+    """[1] relative change of the duration of all dives of a member, (member,): one value for all,
+    since a pilot's new order holds for all following dives"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Rhythm:
-    """Statistics of surface intervals and of how well dives keep the time."""
+    """Surface intervals and durations of the dives to come."""
 
     stays: Array
-    """[s] of its last stays, (stay,)"""
+    """[s] last surface intervals, (stay,)"""
     late: Mixture
-    """[s] of the next dive, by each order"""
+    """[s] duration of the next dive, by each model"""
 
     @classmethod
     def of(cls, schedule: SurfacingSchedule, dives: Sequence[DiveTime]) -> Rhythm | None:
-        """By all dives; None where too few of their stays are known.
+        """Collect the statistics of all dives; None where fewer than two intervals are known.
 
         Args:
-          schedule: which has learned from them.
+          schedule: which has learned from these dives.
         """
         stays = np.array([one.stay for one in dives[1:]])
         stays = stays[(stays >= 0.0) & (stays < LONGEST_STAY)][-STAYS:]
@@ -279,10 +280,10 @@ class Rhythm:
         return cls(stays=stays, late=schedule.expect(dives[-1].end + float(np.median(stays))))
 
     def draw(self, count: int, dives: int, waited: float, rng: np.random.Generator) -> Delays:
-        """Draws for some members and dives.
+        """Sample surface intervals and changes of duration for `count` members.
 
         Args:
-          waited: [s] that it has been at the surface when the forecast begins.
+          waited: [s] that the vehicle has been at the surface when the forecast begins.
         """
         stays = _further(self.stays, (count, dives), rng)
         lasts = self.late.draw(count, FREEDOM, rng)[:, 0]
@@ -294,7 +295,7 @@ class Rhythm:
 
     @property
     def words(self) -> str:
-        """Both in words."""
+        """Surface interval and scatter of durations in words."""
         deviation = math.sqrt(float(self.late.covariance[0, 0])) / middle(self.late)
         return (
             f"{np.median(self.stays) / 60.0:.0f} min at the surface ({self.stays.min() / 60.0:.0f} "
@@ -305,10 +306,9 @@ class Rhythm:
 def _further(known: Array, shape: tuple[int, int], rng: np.random.Generator) -> Array:
     """Sample the predictive distribution of the next value, given n observed ones (exchangeable).
 
-    The next is as likely between any two neighbours of the known ones as beyond either end of them,
-    1 / (n + 1) each (Vovk, Gammerman and Shafer 2005, Algorithmic Learning in a Random World,
-    section 4.2): known values alone would hold a part (n - 1) / (n + 1) of the next ones at most.
-    Beyond an end, by an exponential law as wide as that end is from the median; never below 0.
+    Each gap between ordered known values and each of the two tails has a probability of 1 / (n + 1)
+    (Vovk, Gammerman and Shafer 2005, Algorithmic Learning in a Random World, section 4.2). A tail
+    is exponential; its mean is the distance of its end from the median. No value is below 0.
     """
     ordered = np.sort(known)
     rank = rng.uniform(0.0, len(ordered) + 1.0, size=shape)

@@ -1,10 +1,9 @@
-"""Hindcast: walk through deployments, forecast every surfacing from what was known, and score it.
+"""Hindcast: forecasts of every surfacing of stored deployments, and their scores.
 
-A field tells what a forecast of the current foretells for the dives of a deployment. Members fly
-each surfacing as `twin forecast` flies them: they know what the walk knows at its begin, which is
-the currents so far, the waypoints of the dive, and the duration that the schedule expects. Depth
-and pitch are those of the dive before; beyond the last waypoint, and where a log has none, the
-course goes on.
+A field gives the current that was forecast for the dives of a deployment. Members fly each
+surfacing as `twin forecast` flies them. They know what the walk knows when the dive begins: the
+currents so far, the waypoints of the dive, and the expected duration. Depth and pitch are those of
+the dive before. Beyond the last waypoint, and in a log without waypoints, the course goes on.
 """
 
 from __future__ import annotations
@@ -50,24 +49,24 @@ from twin.records import LogStore
 from twin.water.current import Current
 
 POINTS = 25
-"""Places along a dive at which the field is read"""
+"""Number of places along a dive at which the field is read"""
 AHEAD = 2e5
-"""[m] of the course beyond the last waypoint: farther than a dive goes"""
+"""[m] Length of the course beyond the last waypoint: no dive is as long"""
 ARRIVAL = 20.0
-"""[m] at which a waypoint is reached, as the walk's own ways have it"""
+"""[m] Radius of arrival at a waypoint, as in the walk (`expected_dive.ARRIVED`)"""
 UNDER, FLATTEST, STEEPEST = 5.0, 5.0, 45.0
-"""[m] of depth from which on, and [degree] of pitch between which, a sample tells of a glide"""
+"""[m] Least depth, and [degree] limits of the pitch, of a sample that counts as gliding"""
 SHALLOWEST = 10.0
-"""[m] of a dive"""
+"""[m] Least depth to which members dive"""
 
 
 def field_mean(logs: LogStore, legs: Sequence[LoggedLeg], current: Current) -> FieldMean:
-    """Mean current that a field foretells over the legs of a deployment.
+    """Make the function that gives a field's mean current over a leg of a deployment.
 
     Args:
       logs: the store, for the depths.
       legs: of one deployment, in order of time, at least one.
-      current: its time and place count from the first leg's, unless it has its own.
+      current: field; without a time and place of its own it begins at the first leg.
 
     Returns:
       A function, which raises CurrentError where the field does not cover a leg.
@@ -83,7 +82,7 @@ def field_mean(logs: LogStore, legs: Sequence[LoggedLeg], current: Current) -> F
             at, dived = part * alike.leg.duration / logs.period, np.maximum(measured[known], 0.0)
             depth = np.interp(at, known, dived)
         found = np.zeros(2)
-        for _ in range(2):  # along the way through the water, then along the way the field makes
+        for _ in range(2):  # along the path through the water, then along that with the field
             north, east = (
                 at + (metres + duration * moved) * part
                 for at, metres, moved in zip(begin, way, found, strict=True)
@@ -95,10 +94,10 @@ def field_mean(logs: LogStore, legs: Sequence[LoggedLeg], current: Current) -> F
 
 
 class MemberFlights:
-    """Flies members of dive after dive of one deployment.
+    """Flights of the members of each dive of one deployment.
 
     Args:
-      logs: open while it is used. members, engine: as `Request` has them.
+      logs: open store. members, engine: as in `Request`.
     """
 
     def __init__(self, logs: LogStore, vehicle: Vehicle, *, members: int, engine: str):
@@ -106,7 +105,7 @@ class MemberFlights:
         self._members, self._engine = members, engine
         self._nominal: tuple[Scenario, MemberFlight] | None = None
         self.unflown: dict[int, str] = {}
-        """Dives that members told nothing of, by row, and why"""
+        """Reason why a dive has no forecast by members, by row in the store"""
 
     def expect(
         self,
@@ -121,14 +120,14 @@ class MemberFlights:
 
         Args:
           before: the dives so far, at least one.
-          one: of it are read the begin and the waypoints.
-          pool, ways: of the current and of ways, after the last of `before`.
+          one: only its begin, its waypoints and the vehicle's current estimate are read.
+          pool, ways: models of current and velocity, after the last of `before`.
           duration: [s] expected.
-          reach: [1] squared distances of the ellipses by the dives so far, as `Walked` has them.
+          reach: [1] squared radii of the two ellipses, as in `Walked`.
 
         Returns:
-          Mean of where they come up, north and east [m] from the begin, (2,), and covariance of
-          members and fix [m2], (2, 2); None where they tell nothing (`unflown`).
+          Mean of the surfacings, north and east [m] from the begin, (2,), and covariance of
+          members and fix [m2], (2, 2); None without a forecast (reason in `unflown`).
         """
         place, last = one.origin, before[-1].leg
         try:
@@ -168,14 +167,14 @@ class MemberFlights:
         return np.array([told[0].north, told[0].east]), told[0].covariance
 
     def beside_mujoco(self) -> EndsApart | None:
-        """First member of the last dive, by MuJoCo too; None where none was flown in lanes."""
+        """Fly the last dive's first member in MuJoCo too; None where none was flown in lanes."""
         if self._nominal is None or self._engine != "lanes":
             return None
         scenario, flight = self._nominal
         return ends_apart(flight.duration, flight.end, flown_in_mujoco(scenario))
 
     def _mission(self, last: LoggedLeg, one: LoggedLeg, duration: float, steered: Pair) -> Mission:
-        """To the waypoints of a dive, as deep and as steep as the last one was flown."""
+        """Mission to the waypoints of a dive, at depth and pitch of the dive before."""
         depth = self._logs.signal("measured_depth", last.mission).astype(float)
         pitch = math.degrees(self._vehicle.usual_glide[0])
         if "measured_pitch" in self._logs:
@@ -205,13 +204,13 @@ class MemberFlights:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class _Scored:
-    """Scores of where it surfaced, of the current, and of where members flown surface."""
+    """Scores of surfacings, of currents, and of surfacings by flown members."""
 
     surfacing: Scores
     current: Scores
-    """The way through the water and the duration given"""
+    """Displacement by the current; displacement through the water and duration are given"""
     members: Scores | None = None
-    """None where none were flown"""
+    """Surfacings by flown members; None where no members were flown"""
 
     def describe(self) -> dict[str, object]:
         """Scores as `--json` prints them."""
@@ -221,20 +220,20 @@ class _Scored:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DeploymentHindcast(_Scored):
-    """One deployment."""
+    """Hindcast of one deployment."""
 
     name: str
     store: Path
     dives: int
-    """Dives in the store, those without two fixes or a known way through the water too"""
+    """Number of dives in the store, with those that have no two fixes or no known displacement"""
     legs: tuple[LoggedLeg, ...]
     train: int
-    """Legs at the beginning that are not scored"""
+    """Number of legs at the beginning that are not scored"""
     walked: Walked
     unflown: Mapping[int, str] = dataclasses.field(default_factory=dict)
-    """Dives that members told nothing of, by row in the store, and why"""
+    """Reason why a dive has no forecast by members, by row in the store"""
     beside_mujoco: EndsApart | None = None
-    """The first member of the last dive in lanes"""
+    """Difference between lanes and MuJoCo for the first member of the last dive"""
 
     @property
     def surfacings(self) -> tuple[HindcastSurfacing, ...]:
@@ -242,7 +241,7 @@ class DeploymentHindcast(_Scored):
         return self.walked.surfacings
 
     def describe(self) -> dict[str, object]:
-        """Scores, and what members told nothing of."""
+        """Scores as `--json` prints them, and the dives without a forecast by members."""
         if self.members is None:
             return super().describe()
         return super().describe() | {
@@ -253,14 +252,14 @@ class DeploymentHindcast(_Scored):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Hindcast(_Scored):
-    """All deployments of some stores, with the scores of all together."""
+    """Hindcasts of all deployments of the stores, with their scores together."""
 
     deployments: tuple[DeploymentHindcast, ...]
     train_fraction: float
 
     def rows(self, which: str, least: int = 0) -> list[tuple[str, Scores]]:
-        """Scores of each deployment by its name, of so many surfacings at least, and of several
-        deployments those of all together."""
+        """Name and scores of each deployment of at least `least` surfacings; several are followed
+        by the scores of all together."""
         told = ((one.name, getattr(one, which)) for one in self.deployments)
         found = [(name, one) for name, one in told if one is not None and one.segments >= least]
         return [*found, ("all", getattr(self, which))] if len(found) > 1 else found
@@ -278,20 +277,20 @@ def hindcast(
     engine: str = "lanes",
     advance: Callable[[], object] = lambda: None,
 ) -> Hindcast:
-    """Walk through every deployment of some stores of logs.
+    """Forecast and score the surfacings of every deployment of some stores of logs.
 
     Args:
       stores: paths of stores that `factory import` wrote.
-      train_fraction: part of each deployment's legs, at its beginning, that teaches and is not
+      train_fraction: fraction of each deployment's legs, at its beginning, that teaches and is not
         scored, such as the dives that a vehicle was identified on.
-      vehicle: flight model for the way through the water, a file or a shipped name; by default that
-        of depth rate and pitch, and where these are not logged the vehicle's reported current.
+      vehicle: flight model for the velocity through the water, a file or a shipped name; None takes
+        depth rate and pitch, else the vehicle's reported current.
       current: forecast field that is known ahead.
-      priors: what is believed before the first dive; by default what deployments have in common.
-      waypoints: how many of a dive's waypoints count as known, the first ones; None: all.
-      members: fly so many for each scored surfacing too, as `forecast` does, by `vehicle` or the
-        shipped one of the log's kind; None: none.
-      engine: what flies these, as `Scenario.engine`.
+      priors: of the models, before the first dive; None takes the shipped ones.
+      waypoints: number of a dive's waypoints that are known, from the first; None: all.
+      members: number that is flown for each scored surfacing, as `forecast` does, by `vehicle` or
+        the shipped one of the log's kind; None: none.
+      engine: flies the members, as `Scenario.engine`.
       advance: called once for each deployment that is done.
 
     Raises:
@@ -365,7 +364,7 @@ def hindcast(
 
 
 def _scores(deployments: Sequence[Walked], members: bool) -> dict[str, Scores]:
-    """Scores of the scored surfacings of some deployments, by what is scored."""
+    """Scores of several deployments together, by field of `_Scored`."""
     found = {}
     for which in ("surfacing", "current", *["members"] * members):
         told = ([getattr(s, which) for s in one.surfacings if s.scored] for one in deployments)
@@ -374,7 +373,7 @@ def _scores(deployments: Sequence[Walked], members: bool) -> dict[str, Scores]:
 
 
 def _check_new(one: DeploymentHindcast, before: Sequence[DeploymentHindcast]) -> None:
-    """Raise where a deployment holds dives of one before: the same place at the same second."""
+    """Raise InputError where a deployment shares dives (place and second) with one before."""
     dives, *others = (
         {(round(leg.leg.start), *(round(v, 4) for v in leg.begin)) for leg in each.legs}
         for each in (one, *before)

@@ -1,12 +1,12 @@
-"""Legs: the dives of a deployment from fix to fix, with their way through the water.
+"""Logged leg: a dive of a store from fix to fix, with its displacement through the water.
 
-What a leg's way through the water is, by what its log holds:
+The displacement through the water comes from the first of these sources that a log allows:
 
 - with `--vehicle`, the velocity of that vehicle's flight model, integrated from fix to fix;
-- else, where pitch and heading are logged, depth rate / tan(|pitch| + 3 degree) along the heading,
-  which the store keeps as its depth-averaged current;
-- else, as in the short logs that come by satellite, displacement over ground less the current that
-  the vehicle itself reported for the dive.
+- with logged pitch and heading, depth rate / tan(|pitch| + 3 degree) along the heading, from which
+  the store has its depth-averaged current;
+- in the short logs that come by satellite, displacement over ground less the current that the
+  vehicle reported for the dive, times the duration.
 """
 
 from __future__ import annotations
@@ -33,36 +33,36 @@ from twin.records.coordinates import utc_clock, utc_minute
 
 AXES = ("north", "east")
 READ = ("measured_gps", "measured_onboard", "commanded_waypoint", "measured_current")
-"""Signals of the dives, north and east each"""
+"""Signals that are read of each dive, north and east"""
 MODEL, PITCH, REPORTED = "flight model", "depth rate and pitch", "reported current"
-"""How a way through the water was found"""
+"""Sources of a displacement through the water"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LoggedLeg:
-    """One dive of a store between two fixes."""
+    """Dive of a store between two fixes."""
 
     mission: int
     """Row in the store."""
     leg: Leg
-    """[s] unix; its way through the water is known"""
+    """[s] unix clock; its displacement through the water is known"""
     method: str
-    """MODEL, PITCH or REPORTED"""
+    """Source of the displacement: `MODEL`, `PITCH` or `REPORTED`"""
     begin: tuple[float, float]
     """Latitude, longitude [degree] of the fix before"""
     onboard: tuple[float, float] | None
-    """North, east [m] to where the vehicle itself believed to surface; None without its track"""
+    """North, east [m] to the end of the vehicle's own track; None without one"""
     targets: tuple[tuple[float, float], ...] = ()
-    """North, east [m] from the fix before to the waypoints it was sent to, in their order; empty
-    where the log has none"""
+    """North, east [m] from the fix before to the commanded waypoints, in order; empty where the log
+    has none"""
     believed: tuple[float, float] | None = None
-    """North, east [m/s] of the current that the vehicle knew when it dived; None where the log does
-    not say"""
+    """North, east [m/s] of the vehicle's current estimate at the begin of the dive; None where the
+    log has none"""
 
     @property
     def velocity(self) -> Array:
-        """[m/s] Through the water, north and east, mean over the dive, (2,)."""
-        assert self.leg.velocity is not None  # legs of a store have a way
+        """[m/s] Mean velocity through the water, north and east, (2,)."""
+        assert self.leg.velocity is not None  # a leg of a store has a displacement
         return self.leg.velocity
 
     @property
@@ -79,12 +79,12 @@ class LoggedLeg:
 
 
 def pair(values: Array) -> tuple[float, float]:
-    """Two numbers, such as north and east."""
+    """Tuple of the first two numbers, such as north and east."""
     return float(values[0]), float(values[1])
 
 
 def place_at(metres: Sequence[float] | Array, begin: tuple[float, float]) -> tuple[float, float]:
-    """Latitude, longitude [degree] so far north and east [m] of a place."""
+    """Latitude, longitude [degree] of a place some metres north and east of another."""
     north, east = (np.array([float(value)]) for value in metres)
     latitude, longitude = position(north, east, *begin)
     return float(latitude[0]), float(longitude[0])
@@ -93,11 +93,11 @@ def place_at(metres: Sequence[float] | Array, begin: tuple[float, float]) -> tup
 def legs_of(
     logs: LogStore, deployment: str, flown: Mapping[int, Array] | None = None
 ) -> list[LoggedLeg]:
-    """Legs of a deployment, in order of time; dives without two fixes or a way are left out.
+    """Legs of a deployment in order of time, without dives that lack two fixes or a displacement.
 
     Args:
-      flown: velocity through the water by a flight model, north and east [m/s], (time, 2), by
-        mission, where there is one.
+      flown: velocity through the water by a flight model, north and east [m/s], (time, 2), by row
+        in the store; rows that it lacks take the log's own.
     """
     durations = logs.number(DIVE_DURATION)
     moved, *currents = (
@@ -129,7 +129,7 @@ def legs_of(
         signals = [blocks[name][k, :count] if name in blocks else absent for name in names]
         fixes, onboard, waypoints, known = np.array(signals, float).reshape(len(READ), 2, -1)
         known = known[:, np.isfinite(known).all(axis=0)]
-        track = track_velocity(onboard.T, logs.period, fixes_at(fixes.T))  # without jumps to fixes
+        track = track_velocity(onboard.T, logs.period, fixes_at(fixes.T))  # jumps to fixes removed
         found.append(
             LoggedLeg(
                 mission=mission,
@@ -150,27 +150,27 @@ def legs_of(
 
 
 class DiveTime(NamedTuple):
-    """A dive whose begin and end are known."""
+    """Times of a dive whose begin and end are known."""
 
     begin: float
     """[s] unix"""
     end: float
     """[s] unix"""
     stay: float
-    """[s] at the surface before it; NaN where the log does not tell"""
+    """[s] surface interval before the dive; NaN where it is not known"""
 
 
 class DiveTimes(NamedTuple):
-    """When a deployment dived, and when its log is silent."""
+    """Times of all dives of a deployment, and gaps of its log."""
 
     dives: tuple[DiveTime, ...]
-    """From surface to surface, in order of time: those without a known way, too"""
+    """Dives from surface to surface in order of time, with or without a known displacement"""
     holes: tuple[tuple[float, float], ...]
-    """Begin and end [s] unix of silences in which it may have dived"""
+    """Begin and end [s] unix of gaps in which the vehicle may have dived"""
 
     @property
     def silent(self) -> str:
-        """What is not known, in words; empty where nothing is missing."""
+        """Number and times of the gaps, in words; empty without gaps."""
         if not self.holes:
             return ""
         told = [f"{utc_minute(one)} to {utc_clock(end, one)}" for one, end in self.holes[-TOLD:]]
@@ -183,20 +183,19 @@ class DiveTimes(NamedTuple):
 
 
 SILENT, TOLD = 3600.0, 3
-"""[s] without a sample from which a log has a hole: as `factory import` parts dives; and holes that
-are told with their times, the last ones"""
+"""[s] Time without a sample that counts as a gap, as in `factory import`; and number of last gaps
+that are reported with their times"""
 AFLOAT, SAME = 3.0, 1.5
-"""[m] that the pressure sensor of a glider at the surface is under water at most; and [s] by which
-two times of one stay may differ: clocks are rounded"""
+"""[m] Largest depth of a pressure sensor whose glider is at the surface; and [s] largest difference
+of two durations of one surface interval, since clocks are rounded"""
 
 
 def dive_times(logs: LogStore, deployment: str) -> DiveTimes:
-    """When a deployment dived.
+    """Times of the dives of a deployment.
 
-    What lies between two dives is a stay at the surface where fixes begin and end it, and either
-    tell it without a hole or are so near that no usual dive fits in. Else a file may be missing, or
-    half of one: nobody knows whether it dived then, nor how long the stay was. A dive that the log
-    leaves or enters under water lasted longer than it says, and is left out.
+    The time between two dives is a surface interval if fixes begin and end it, and if the log has
+    no gap there or the usual dive does not fit. Otherwise a file may be missing, and the interval
+    is not known. A dive is left out if its log begins or ends under water: the dive was longer.
     """
     durations, waited = (logs.number(name) for name in (DIVE_DURATION, "surface_duration"))
     dives: list[DiveTime] = []
@@ -213,7 +212,7 @@ def dive_times(logs: LogStore, deployment: str) -> DiveTimes:
         if not known and gap - told >= SILENT:
             holes.append((before, begin - told))
         depth = logs.signal("measured_depth", row)
-        depth = depth[np.isfinite(depth)]  # afloat at both ends, by fixes or by this
+        depth = depth[np.isfinite(depth)]  # at the surface at both ends, by depth
         if (begun and ended) or (depth.size and max(depth[0], depth[-1]) < AFLOAT):
             dives.append(DiveTime(begin, end, gap if known else math.nan))
         before, fixed = end, ended
@@ -221,12 +220,12 @@ def dive_times(logs: LogStore, deployment: str) -> DiveTimes:
 
 
 def usual_duration(before: Sequence[DiveTime]) -> float:
-    """[s] median of the last three dives."""
+    """[s] Median duration of the last three dives."""
     return float(np.median([one.end - one.begin for one in before[-3:]]))
 
 
 def why_no_legs(logs: LogStore, deployment: str) -> str:
-    """Reason, in words, why the dives of a deployment have no legs."""
+    """Reason in words why a deployment has no leg."""
     rows = logs.missions_of(deployment)
     begun, ended = np.isfinite([logs.fixes(row) for row in rows]).all(axis=2).sum(axis=0).tolist()
     if moved := int(np.isfinite(logs.number("displacement_north")[rows]).sum()):
@@ -243,11 +242,11 @@ def why_no_legs(logs: LogStore, deployment: str) -> str:
 
 
 APART = 30.0
-"""[m] from which two waypoints are not the same: a log repeats one as its position is corrected"""
+"""[m] Least distance of two waypoints: nearer ones are one waypoint, repeated with a correction"""
 
 
 def _targets(places: Array) -> tuple[tuple[float, float], ...]:
-    """Waypoints that were commanded during a dive, in their order."""
+    """Waypoints that were commanded during a dive, in order."""
     places = places[np.isfinite(places).all(axis=1)]
     new = np.append(True, (np.diff(places, axis=0) != 0.0).any(axis=1))[: len(places)]
     found: list[tuple[float, float]] = []
@@ -260,10 +259,10 @@ def _targets(places: Array) -> tuple[tuple[float, float], ...]:
 def flown_velocities(
     store: Path, vehicle: str | None, missions: list[int] | None = None
 ) -> dict[int, Array]:
-    """Velocity through the water by a vehicle's flight model, by mission.
+    """Velocity through the water [m/s], (time, 2), by a vehicle's flight model, by row.
 
     Raises:
-      TwinError: the vehicle cannot be flown on this store.
+      TwinError: the flight model cannot be applied to this store.
     """
     flight = estimate_flight(store, vehicle, missions=missions, thermal_lag=False)
     return {

@@ -1,6 +1,6 @@
-"""Member flights: members flown side by side on all cores, each as its track and its surfacings.
+"""Member flights: members flown side by side on all cores, each with track and surfacings.
 
-Surfacings tell where, when and at which cost members come up for the n-th time, with ellipses.
+A `Surfacing` has place, time, energy and ellipses of all members' n-th surfacing.
 """
 
 from __future__ import annotations
@@ -30,63 +30,63 @@ from twin.physics import Fleet, file_timestep, fly_in_lanes, quiet_mujoco, stiff
 from twin.vehicle import ENERGY
 
 SAMPLE_PERIOD = 10.0
-"""[s] between two samples of a member: a surfacing is known to 3 m at 0.3 m/s"""
+"""[s] Sample period of a member: the error of a surfacing is 3 m at 0.3 m/s"""
 STEPS, SETTLED = 2.0, 0.75
-"""Times the vehicle file's physics step, which is explicit in what is not rotary damping: in six
+"""[1] Members' physics step over that of the vehicle's file, whose explicit part limits it: in six
 hours the end moves by less than 5 m, in lanes by about 1 m (`python -m benchmarks.forecast_speed`).
-Where such a step times the vehicle's fastest rate is above `SETTLED` the file's own is flown:
-members differ by a fifth, and at 1 they would be unstable"""
+If this step times the vehicle's fastest rate exceeds `SETTLED`, the file's own step is flown: rates
+of members differ by a fifth, and at 1 they would be unstable"""
 PER_CORE = {"mujoco": 12, "lanes": 4 * LANES[0]}
-"""Members for each core between two looks: enough to keep it busy, few enough to show progress"""
+"""Members per core in a fleet: enough to keep a core busy, few enough to show progress"""
 UNDER = 3.0
-"""Times the depth that counts as surfaced, beyond which the vehicle has dived"""
+"""[1] Depth that counts as dived, over the depth that counts as surfaced"""
 FLOATS = 300.0
-"""[s] beyond a mission's own stay at the surface, after which it is over"""
+"""[s] Time afloat, beyond the mission's own surface interval, after which a mission is over"""
 THINNED = 30
-"""Samples of a track for one point that is kept"""
+"""Number of samples for each point of a track that is kept"""
 HALF, NINETY = 0.5, 0.9
-"""Parts that ellipses hold of the surfacings to expect"""
+"""[1] Probabilities that the two ellipses hold the surfacing"""
 FIX_DEVIATION = 5.0
-"""[m] north and east each, of the GPS fix that will be taken"""
+"""[m] Standard deviation of the GPS fix after the dive, north and east each"""
 TAILS = np.array([0.05, 0.95])
-"""Parts of the members that are up before the two bounds of a time"""
+"""[1] Fractions of the members that have surfaced at the two bounds of a time"""
 LEAST = 0.99
-"""Part of the members that must have a surfacing for it to be told: without the late ones, place,
-time and ellipse would be those of the early ones"""
+"""[1] Least fraction of members that have a surfacing for it to be reported: without the late ones
+place, time and ellipse would be those of the early ones"""
 ELLIPSE_POINTS = 64
 KILO = 1e3
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class MemberFlight:
-    """One member."""
+    """Flight of one member."""
 
     time: Array
-    """[s] since the start of each surfacing, (surfacing,)"""
+    """[s] from the start to each surfacing, (surfacing,)"""
     place: Array
-    """North, east [m] there, (surfacing, 2)"""
+    """North, east [m] of each surfacing, (surfacing, 2)"""
     energy: Array
-    """[J] taken until then, (surfacing,)"""
+    """[J] used from the start to each surfacing, (surfacing,)"""
     track: Array
-    """North, east [m], thinned, (point, 2)"""
+    """North, east [m] of the thinned track, (point, 2)"""
     times: Array
-    """[s] since the start of its points, (point,)"""
+    """[s] from the start to each point of the track, (point,)"""
     duration: float
-    """[s] of the flight"""
+    """[s] Duration of the flight"""
     taken: float
-    """[J] in all"""
+    """[J] Energy used by the flight"""
     end: Array
-    """North, east, depth [m] and velocity over ground, NED [m/s], at its end, (6,)"""
+    """North, east, depth [m] and velocity over ground, NED [m/s], at the end, (6,)"""
     over: bool = False
-    """Whether its mission was over with its last surfacing: it floats from then on"""
+    """True if the mission ended with the last surfacing: the member floats from then on"""
 
     def delayed(self, stays: Array, late: float, drift: Array) -> MemberFlight:
-        """Add stays at the surface [s] before its dives, in which it drifts [m/s], and let dives
-        last longer by a part, along their own way; energy is as flown."""
+        """Add surface intervals [s] before the dives, with drift [m/s], and lengthen each dive by
+        the fraction `late` along its displacement; energy is as flown."""
         longer = late * np.append(0.0, self.time)
         farther = late * np.vstack([np.zeros((1, 2)), self.place.reshape(-1, 2)])
         stayed = np.cumsum(stays)
-        ended = np.searchsorted(self.time, self.times)  # dives, before a point of the track
+        ended = np.searchsorted(self.time, self.times)  # dives before each point
         surfaced = np.arange(len(self.time))
         track = self.track + stayed[ended, None] * drift + farther[ended]
         return dataclasses.replace(
@@ -98,14 +98,14 @@ class MemberFlight:
         )
 
     def not_before(self, earliest: float) -> MemberFlight:
-        """Let its first surfacing be no earlier than a time [s]: its first dive lasts so much
-        longer, along its own way; energy is as flown."""
+        """Lengthen the first dive along its displacement, so that the first surfacing is not before
+        a time [s]; energy is as flown."""
         if not len(self.time) or self.time[0] >= earliest:
             return self
         first = float(self.time[0])
         later = earliest - first
         farther = later / first * self.place[0]
-        dived = np.clip(self.times / first, 0.0, 1.0)  # how much of the first dive is over
+        dived = np.clip(self.times / first, 0.0, 1.0)  # fraction of the first dive
         return dataclasses.replace(
             self,
             time=self.time + later,
@@ -115,7 +115,7 @@ class MemberFlight:
         )
 
     def rates(self) -> tuple[float, float]:
-        """[W] and [m/s] over ground until its last surfacing; of the whole flight without one."""
+        """Mean power [W] and speed over ground [m/s] to the last surfacing, else to the end."""
         end, energy = self.duration, self.taken
         if len(self.time):
             end, energy = float(self.time[-1]), float(self.energy[-1])
@@ -126,12 +126,12 @@ class MemberFlight:
 def fly(
     scenarios: Sequence[Scenario], *, threads: int = 0
 ) -> Iterator[list[MemberFlight | SimulationUnstable]]:
-    """Fly the first member, then the others in fleets; yields what each fleet found.
+    """Fly the first member, then the others in fleets; yield the flights of each fleet.
 
-    In lanes the first ones fly together, which takes no longer, and are told one after the other.
+    In lanes a full batch flies first, which takes no longer; its first member is yielded alone.
 
     Args:
-      threads: of a fleet; 0 takes every core.
+      threads: number of threads of a fleet; 0 takes every core.
     """
     cores = threads or os.cpu_count() or 1
     engine = scenarios[0].engine
@@ -141,17 +141,17 @@ def fly(
     ends = [0, *(first + rest * k // fleets for k in range(fleets)), len(scenarios)]
     for a, b in itertools.pairwise(ends):
         found = _flown(scenarios[a:b], threads)
-        for some in (found[:1], found[1:]) if a == 0 else (found,):  # the mean of all at once
+        for some in (found[:1], found[1:]) if a == 0 else (found,):  # the mean member at once
             if some:
                 yield some
 
 
 @contextlib.contextmanager
 def coarse_steps() -> Iterator[None]:
-    """Let steps be inaccurate: a millimetre per second is little beside an unknown current.
+    """Ignore warnings of inaccurate steps: their mm/s are small beside an unknown current.
 
-    Filters of warnings belong to the process: who flies in several threads enters it before the
-    first of them starts and leaves it after the last has ended.
+    Warning filters belong to the process: enter this context before the first thread starts, and
+    leave it after the last has ended.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", InaccurateStep)
@@ -159,7 +159,7 @@ def coarse_steps() -> Iterator[None]:
 
 
 def _flown(scenarios: Sequence[Scenario], threads: int) -> list[MemberFlight | SimulationUnstable]:
-    """One fleet."""
+    """Fly one fleet."""
     results: list[Trajectory | SimulationUnstable]
     with quiet_mujoco(), coarse_steps():
         if scenarios[0].engine == "lanes":
@@ -175,7 +175,7 @@ def _flown(scenarios: Sequence[Scenario], threads: int) -> list[MemberFlight | S
 def fly_nominal(
     request: Request, missions: Sequence[Mission]
 ) -> list[MemberFlight | SimulationUnstable]:
-    """Fly missions by the request's vehicle in still water, from its start."""
+    """Fly missions by the request's vehicle in still water, from the request's place."""
     still = [dataclasses.replace(request, mission=mission, field=None) for mission in missions]
     longest = max(one.flown for one in still)
     scenarios = [nominal_scenario(one, one.mission) for one in still]
@@ -183,14 +183,14 @@ def fly_nominal(
 
 
 def nominal_scenario(request: Request, mission: Mission) -> Scenario:
-    """Flight of a mission as long as members fly, in the request's field."""
+    """Scenario of a mission in the request's field, as long as members fly."""
     flown = dataclasses.replace(mission, duration_s=request.flown)
     place = request.place
     targets = getattr(
         flown.placed(place.latitude_deg, place.longitude_deg).segments[0], "targets", None
     )
     heading = math.radians(mission.start_heading_deg)
-    if targets:  # toward the first, so that no turn at the start takes time
+    if targets:  # toward the first target: no turn at the start
         heading = math.atan2(targets[0]["east_m"], targets[0]["north_m"]) % (2.0 * math.pi)
     own, stiff = file_timestep(request.vehicle), stiffness_of(request.vehicle)
     rough = stiff is None or STEPS * own * stiff.rest <= SETTLED
@@ -213,7 +213,7 @@ def nominal_scenario(request: Request, mission: Mission) -> Scenario:
 
 
 def told(run: Trajectory, scenario: Scenario) -> MemberFlight:
-    """Surfacings of a run."""
+    """Member flight with the surfacings of a run."""
     depth, afloat = run["true_depth"], 0.5 * scenario.vehicle.hull_length + SURFACED_MARGIN_M
     found = surfacings(depth, afloat)
     stays = [getattr(one, "stay_s", 0.0) for one in getattr(scenario.mission, "segments", ())]
@@ -234,10 +234,10 @@ def told(run: Trajectory, scenario: Scenario) -> MemberFlight:
 
 
 def surfacings(depth: Array, afloat: float) -> NDArray[np.int64]:
-    """Indices of the samples at which a vehicle has come up from a dive.
+    """Indices of the samples at which a vehicle surfaces after a dive.
 
     Args:
-      depth: [m], (time,). afloat: [m] above which it counts as surfaced.
+      depth: [m], (time,). afloat: [m] largest depth that counts as surfaced.
     """
     known = np.flatnonzero((depth > UNDER * afloat) | (depth <= afloat))
     up = depth[known] <= afloat
@@ -246,54 +246,54 @@ def surfacings(depth: Array, afloat: float) -> NDArray[np.int64]:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Surfacing:
-    """One surfacing; times are after the start."""
+    """Statistics of all members' n-th surfacing; times are after the start."""
 
     number: int
-    """1 is the next"""
+    """n; 1 is the next surfacing"""
     part: float
-    """of the members that have it"""
+    """[1] fraction of the members that have this surfacing"""
     north: float
-    """[m] from the start, as east is"""
+    """[m] mean distance north of the start"""
     east: float
     covariance: Array
-    """[m2], (2, 2); of members and fix"""
+    """[m2] covariance of members and fix, (2, 2)"""
     latitude: float
-    """[degree], as the longitude is"""
+    """[degree] of the mean place"""
     longitude: float
     time_s: float
-    """mean"""
+    """mean time"""
     early_s: float
-    """5 of 100 members are up before"""
+    """time at which 5 % of the members have surfaced"""
     late_s: float
-    """5 of 100 members are up later"""
+    """time at which 95 % of the members have surfaced"""
     bound_s: float
-    """deviation of these two by the draw of the members: another seed tells them so far off"""
+    """standard deviation of these two times among samples of members (other seeds)"""
     energy_kj: float
-    """mean, taken since the start"""
+    """mean energy since the start"""
     energy_deviation_kj: float
     members: Array
-    """North, east [m] of every member that has it, (member, 2)"""
+    """North, east [m] of every member that has this surfacing, (member, 2)"""
 
     def ellipse(self, holds: float) -> Ellipse:
-        """Ellipse that holds a part of the surfacings to expect, such as 0.9.
+        """Ellipse that holds the surfacing with a probability such as 0.9.
 
-        Of few members it is wider: their mean and covariance are known by them alone.
+        Few members make it wider, since mean and covariance are estimated from them.
         """
         return Ellipse.of(self._shape(holds))
 
     def _shape(self, holds: float) -> Array:
-        """[m2], (2, 2): squared semi-axes, from north and east."""
+        """[m2] Matrix of the ellipse in north and east, (2, 2); eigenvalues: squared semi-axes."""
         fix = FIX_DEVIATION**2 * np.eye(2)
         drawn = prediction_quantile(holds, len(self.members))
         return drawn * (self.covariance - fix) + chi_squared(holds) * fix
 
     def ring(self, holds: float, place: Origin) -> Array:
-        """Longitude, latitude [degree] around it, closed, counterclockwise, (point, 2)."""
+        """Longitude, latitude [degree] of the ellipse, closed, counterclockwise, (point, 2)."""
         around = outline(self._shape(holds), ELLIPSE_POINTS + 1)
         return degrees(np.array([self.north, self.east]) + around, place)
 
     def describe(self) -> dict[str, Any]:
-        """JSON-able."""
+        """Figures as `--json` prints them."""
         same = ("number", "latitude", "longitude", "time_s", "early_s", "late_s", "bound_s")
         return {name: getattr(self, name) for name in same} | {
             "part_of_members": self.part,
@@ -305,10 +305,10 @@ class Surfacing:
 
 
 def prediction_quantile(holds: float, count: int) -> float:
-    """Squared deviations, in those of `count` draws, within which a further draw falls in a plane.
+    """Squared Mahalanobis radius that holds the next of n + 1 normal samples in a plane.
 
-    (n^2 - 1) p / (n (n - p)) of the quantile of F(p, n - p), p = 2 (Hotelling 1931, Ann. Math.
-    Stat. 2); chi-squared's for many draws. Fewer than three tell no more than three do.
+    Mean and covariance are those of n = `count` samples: (n^2 - 1) p / (n (n - p)) times the
+    quantile of F(p, n - p), p = 2 (Hotelling 1931, Ann. Math. Stat. 2). Below three, n is three.
     """
     n = max(count, 3)
     return (n * n - 1.0) / n * ((1.0 - holds) ** (-2.0 / (n - 2)) - 1.0)
@@ -317,11 +317,11 @@ def prediction_quantile(holds: float, count: int) -> float:
 def surfacings_of(
     flights: Sequence[MemberFlight], place: Origin, within: float = math.inf
 ) -> tuple[Surfacing, ...]:
-    """The surfacings whose median time is within a horizon, in order, while all members have them.
+    """Surfacings whose median time is within a horizon, in order, up to the first that fewer than
+    `LEAST` of the members have.
 
     Args:
-      flights: of the members so far, flown beyond the horizon; of a single one the ellipses are
-        those of its fix.
+      flights: of the members so far, flown beyond the horizon; a single one has its fix's ellipses.
       place: of the start. within: [s] the horizon.
     """
     found = []
@@ -338,8 +338,8 @@ def surfacings_of(
             spread = spread + np.cov(places, rowvar=False)
         longitude, latitude = degrees(centre[None], place)[0].tolist()
         early, late = np.quantile(times, TAILS).tolist()
-        # how many of n members are before a bound is binomial: half of the distance between the
-        # ranks one deviation before and behind it (David and Nagaraja 2003, Order Statistics, 7.1)
+        # the number of members before a bound is binomial: half the distance between the ranks one
+        # standard deviation to either side (David and Nagaraja 2003, Order Statistics, 7.1)
         off = np.sqrt(TAILS * (1.0 - TAILS) / len(times))
         below, above = (np.quantile(times, np.clip(TAILS + s * off, 0.0, 1.0)) for s in (-1, 1))
         north, east = centre.tolist()
@@ -365,7 +365,7 @@ def surfacings_of(
 
 
 def left_out(flights: Sequence[MemberFlight], told: int, within: float) -> str:
-    """Why the surfacing after those told is not told; empty where none is due."""
+    """Reason why the surfacing after the last reported one is left out; empty where none is due."""
     if not _due(flights, told, within):
         return ""
     part = sum(len(one.time) > told for one in flights) / len(flights)
@@ -376,22 +376,22 @@ def left_out(flights: Sequence[MemberFlight], told: int, within: float) -> str:
 
 
 def over(flights: Sequence[MemberFlight], within: float) -> float | None:
-    """[s] at which the mission is over in the median, where half of the members end it by a time
-    [s] that a forecast reaches to; else None."""
+    """[s] Median time at which the mission is over, if half of the members end it within a horizon
+    [s]; else None."""
     ends = [float(one.time[-1]) for one in flights if one.over and one.time[-1] < within]
     return float(np.median(ends)) if 2 * len(ends) >= max(len(flights), 1) else None
 
 
 def _due(flights: Sequence[MemberFlight], index: int, within: float) -> bool:
-    """Whether half of the members have a surfacing within a time [s]."""
+    """True if half of the members have the surfacing of an index within a time [s]."""
     early = sum(len(one.time) > index and one.time[index] <= within for one in flights)
     return 2 * early >= max(len(flights), 1)
 
 
 def degrees(points: Array, place: Origin) -> Array:
-    """Longitude, latitude [degree] of north, east [m] from a place, (point, 2).
+    """Longitude, latitude [degree] of points north, east [m] of a place, (point, 2).
 
-    Longitudes go on across the date line.
+    Longitudes do not wrap at the date line.
     """
     latitude, longitude = from_tangent_plane(
         points[:, 0], points[:, 1], place.latitude_deg, place.longitude_deg

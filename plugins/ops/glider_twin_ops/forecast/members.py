@@ -1,6 +1,6 @@
 """Members: the scenarios that a forecast flies, each with its own vehicle, water and compass.
 
-Drawn are possible courses of the current, and of the errors of speed and compass.
+Time series of the current and errors of speed and compass are sampled from what is known.
 """
 
 from __future__ import annotations
@@ -32,34 +32,33 @@ from twin.records import unix_seconds
 from twin.water.current import Current, sample_track
 
 LARGEST_SCALE, OBEYS = 0.5, 0.2
-"""Part by which a speed is drawn off at most, and the weight of the way to its waypoints below
-which these hardly count"""
+"""[1] Largest relative error of a sampled speed, and weight of the model "to its waypoints" below
+which the forecast warns that waypoints hardly count"""
 INTERVAL = 1800.0
-"""[s] between two values of a course: a tenth of the time in which an inertial oscillation turns
-around at 60 degree"""
+"""[s] Interval of a sampled time series: 1/28 of an inertial period at 60 degree"""
 FIELD_TIME, STRAIGHT = 86400.0, 5e5
-"""[s] after which the error of a forecast field has lost its memory: weather's; and [m] farther
-than a glider goes in a forecast"""
+"""[s] Time scale in which the error of a forecast field decorrelates, as weather does; and [m] a
+distance beyond any glider's in a forecast"""
 FASTEST = 3.0
-"""[m/s] at which a drawn current is cut off: faster ones are no draws of a sea's current"""
+"""[m/s] Limit of each component of a sampled current; no sea is faster"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Members:
-    """What is flown, and from what it was drawn; the first is the mean of what is known."""
+    """Scenarios of all members with their timing errors; the first is the mean of what is known."""
 
     scenarios: tuple[Scenario, ...]
     spread: dict[str, str]
-    """What was drawn, in words."""
+    """Sampled quantities and their standard deviations, in words."""
     delays: Delays | None
-    """By what they come up later than they fly; None where no log tells it."""
+    """Surface intervals and changes of duration; None without logs that hold enough of them."""
     drift: Array
-    """[m/s] north and east of each at the surface, (member, 2)."""
+    """North, east [m/s] of the drift at the surface, (member, 2)."""
     earliest: float
-    """[s] after the start: the log has the vehicle under water until then."""
+    """[s] after the start, until which the log shows the vehicle under water."""
 
     def delayed(self, number: int, flight: MemberFlight) -> MemberFlight:
-        """Flight of a member, as late as was drawn for it, and as its log has it."""
+        """Flight of a member with its sampled timing errors, not before `earliest`."""
         if self.delays is not None:
             stays, late = self.delays.stays[number], float(self.delays.late[number])
             flight = flight.delayed(stays, late, self.drift[number])
@@ -67,10 +66,10 @@ class Members:
 
 
 def members_of(request: Request, known: Known) -> Members:
-    """Draw the members.
+    """Sample the members of a forecast.
 
     Raises:
-      CurrentError, MissionError, VehicleError: the field, the mission or the vehicle does not do.
+      CurrentError, MissionError, VehicleError: the field, mission or vehicle cannot be used.
     """
     rng = np.random.default_rng(request.seed)
     duration, count = request.flown, request.members
@@ -156,7 +155,7 @@ def members_of(request: Request, known: Known) -> Members:
 
 
 def _beside_log(request: Request, ways: WayPool) -> float | None:
-    """[1] level speed of recent dives over the vehicle's, less 1; None where it makes no way."""
+    """[1] Horizontal speed of recent dives over the flown vehicle's, less 1; None if unknown."""
     first = request.mission.segments[0]
     if ways.speed is None or not isinstance(first, Waypoint):
         return None
@@ -173,7 +172,7 @@ def _beside_log(request: Request, ways: WayPool) -> float | None:
 def _ways(
     request: Request, mission: Mission, ways: WayPool, rng: np.random.Generator
 ) -> tuple[Array, str]:
-    """Draws of how the vehicle will not go as it is sent, (member, 2) [m/s], and in words."""
+    """Velocity [m/s] of each member beside the flown path, (member, 2), and its law in words."""
     place = request.place
     first = mission.placed(place.latitude_deg, place.longitude_deg).segments[0]
     assert isinstance(first, Waypoint)
@@ -198,7 +197,7 @@ def _ways(
 def _compass(
     request: Request, known: Known, water: WaterDraws, rng: np.random.Generator
 ) -> tuple[Array, float, str]:
-    """True heading less the compass's [rad], (member,), its deviation, and who says so."""
+    """Compass error [rad] (true less measured), (member,), standard deviation, and source."""
     identified, deviation = known_compass(request.vehicle)
     filtered = float(_calibration(known.filter_)[1])
     if known.legs:
@@ -211,7 +210,7 @@ def _compass(
 
 
 def _mean_field(request: Request, field: Current) -> tuple[float, float]:
-    """North, east [m/s] at the start, mean over the depths of the first dives."""
+    """North, east [m/s] of a field at the start, mean over the depths of the mission."""
     depths = np.linspace(0.0, max(request.deepest, 1.0), 21)
     rest = np.zeros_like(depths)
     program = field.compile(request.flown, request.place)
@@ -220,7 +219,7 @@ def _mean_field(request: Request, field: Current) -> tuple[float, float]:
 
 
 def scaled_speed(vehicle: Vehicle, scale: float) -> Vehicle:
-    """Vehicle so much faster at the same weight: all forces of the water over (1 + scale)^2."""
+    """Scale a vehicle's speed by 1 + scale at equal weight: water forces over (1 + scale)^2."""
     factor = 1.0 / (1.0 + min(max(scale, -LARGEST_SCALE), LARGEST_SCALE)) ** 2
     factors = {
         one.name: factor
@@ -232,24 +231,24 @@ def scaled_speed(vehicle: Vehicle, scale: float) -> Vehicle:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class WaterDraws:
-    """Draws by member; the first member is the mean of all that is known."""
+    """Samples of the water by member; the first member is the mean of what is known."""
 
     current: Array
-    """North, east [m/s], (member, time, 2), INTERVAL apart"""
+    """North, east [m/s], (member, time, 2), `INTERVAL` apart"""
     speed_scale: Array
     """[1] real speed over the model's, less 1, (member,)"""
     compass: Array
-    """[rad] that true headings are beyond the compass's, (member,)"""
+    """[rad] true heading less the compass's, (member,)"""
 
 
 def draw_water(
     filter_: CurrentFilter, duration: float, count: int, rng: np.random.Generator, dive: float
 ) -> WaterDraws:
-    """Draw courses of the current and errors of speed and compass that a filter expects.
+    """Sample time series of the current, and errors of speed and compass, from a filter.
 
     Args:
-      filter_: at the start. duration: [s]. count: of members, the mean included.
-      dive: [s] after which what single dives add is another.
+      filter_: at the start. duration: [s]. count: number of members, the mean included.
+      dive: [s] interval at which the part of the current that belongs to a dive is sampled anew.
     """
     mean, covariance = _state(filter_)
     states = mean + np.vstack([np.zeros_like(mean), normal_draws(covariance, count - 1, rng)])
@@ -274,16 +273,16 @@ def draw_water(
 def draw_models(
     drawn: WaterDraws, pool: CurrentPool, rng: np.random.Generator
 ) -> tuple[WaterDraws, float]:
-    """Give each member one of a pool's models by its weight.
+    """Assign each member one of a pool's models, sampled by weight.
 
-    Members of the filter keep what was drawn of it; those of another model take its course and an
-    error that lasts, Student's t of the model's scale. The first member is the mean of all.
+    Members of the filter keep their sampled currents. Members of another model take its time series
+    plus a constant error, Student's t of the model's scale. The first member is the mean of all.
 
     Args:
       pool: with what it has learned, its filter at the start.
 
     Returns:
-      The draws, and the deviation [m/s] of the currents at the start, mean of north and east.
+      Samples, and standard deviation [m/s] of the current at the start, mean of north and east.
     """
     count, steps, _ = drawn.current.shape
     filter_ = pool.filters[FILTER]
@@ -325,15 +324,15 @@ def draw_models(
 
 
 def draw_ways(ahead: Mixture, freedom: float, count: int, rng: np.random.Generator) -> Array:
-    """Draw by how much the water seems to move faster, as a vehicle does not go as it was sent,
-    north and east [m/s], (member, 2).
+    """Sample the velocity through the water less that of the flown path, north and east [m/s],
+    (member, 2), which is added to the current.
 
-    Each member takes one kind of way by its weight, and an error of its scale that lasts. The first
-    one has the mean of all.
+    Each member takes one model of the pool by its weight, plus a constant error. The first member
+    has the mean of all.
 
     Args:
-      ahead: what a pool of ways expects; the members fly the first kind that it knows.
-      freedom: [1] of the pool's Student's t.
+      ahead: forecast of a `WayPool`; members fly the path of its first model.
+      freedom: [1] degrees of freedom of the pool's Student's t.
     """
     off = ahead.draw(count, freedom, rng) - ahead.means[0]
     off[0] = ahead.mean - ahead.means[0]
@@ -349,12 +348,12 @@ def draw_field_error(
     *,
     told: bool,
 ) -> WaterDraws:
-    """Put the error of a field in the place of the current.
+    """Replace the sampled current by samples of a field's error.
 
     Args:
       field: north, east [m/s] of the field at the start, mean over the dives' depths.
-      deviation: [m/s] of the field's error, north and east each.
-      told: whether fixes have told the filter a current, and with it the error at the start.
+      deviation: [m/s] standard deviation of the field's error, north and east each.
+      told: True if fixes have corrected the filter; its current then gives the starting error.
     """
     seen, spread = filter_.current
     prior, gain = deviation**2 * np.eye(2), np.zeros((2, 2))
@@ -373,18 +372,18 @@ def draw_field_error(
 
 
 def _state(filter_: CurrentFilter) -> tuple[Array, Array]:
-    """Mean and covariance of the state, as the filter's own forecasts spread it."""
+    """Mean and covariance of a filter's state; the covariance is inflated as in its forecasts."""
     state = filter_.state()
     return state["mean"], filter_.inflation * state["covariance"]
 
 
 def _calibration(filter_: CurrentFilter) -> Array:
-    """Standard deviations of the drawn errors of the speed [1] and of the compass [rad], (2,)."""
+    """Standard deviations of the errors of speed [1] and compass [rad], (2,)."""
     return np.sqrt(np.diag(_state(filter_)[1])[CALIBRATION])
 
 
 def _scattered(rng: np.random.Generator, count: int, size: int) -> Array:
-    """Standard normal draws, (count, size); none for the first member."""
+    """Standard normal samples, (count, size); zero for the first member."""
     draws = rng.standard_normal((count, size))
     draws[0] = 0.0
     return draws

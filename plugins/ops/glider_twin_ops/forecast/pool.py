@@ -1,12 +1,12 @@
-"""Pools: forecasts of several models, mixed by how likely each made what was found.
+"""Pool: forecasts of several models, weighted by the likelihood of the observed values.
 
-The weight of a model is multiplied by the likelihood of each value found under its forecast, and
-forgets (dynamic model averaging: Raftery, Karny and Ettler 2010, Technometrics 52). A forecast is a
-mixture of Student's t distributions, one a model, so that one surprise neither settles nor ruins a
-model. The scale of a model's errors is learned on the way: robustly, from a prior that counts as
-some errors, and with the same forgetting.
+Each observed value multiplies a model's weight by its likelihood under the model's forecast. Old
+values are forgotten (dynamic model averaging: Raftery, Karny and Ettler 2010, Technometrics 52).
+The forecast is a mixture of one Student's t distribution a model; with its heavy tails a single
+outlier hardly moves the weights. The scale of each model's errors is estimated robustly, from a
+prior that counts as a number of errors, with the same forgetting.
 
-`CurrentPool` mixes simple ideas of the mean current over the next dive.
+`CurrentPool` has simple models of the mean current over the next dive; `expected_dive` has others.
 """
 
 from __future__ import annotations
@@ -32,30 +32,30 @@ from twin.navigation.current import (
 from twin.numbers import Array
 
 FREEDOM = 5.0
-"""[1] degrees of freedom of Student's t: as heavy as the tails of currents' changes are"""
+"""[1] Degrees of freedom of Student's t: changes of a current have such heavy tails"""
 FORGETTING = 0.95
-"""[1] part that a weight's logarithm, and the count of errors behind a scale, keep at each value:
-twenty values say what a model is worth"""
+"""[1] Factor of a weight's logarithm, and of the count of errors behind a scale, at each value:
+about the last twenty values count"""
 TEMPER = 0.5
-"""[1] power of a likelihood: errors of neighbours are alike, so that two say as much as one"""
+"""[1] Exponent of a likelihood: errors of neighbours correlate, so two count as one"""
 COUNTED = 4.0
-"""[1] errors as which a scale's prior counts"""
+"""[1] Number of errors that the prior of a scale counts as"""
 LEAST = 1e-4
-"""[1] part of the weights that stays the prior's, so that a model may come back"""
+"""[1] Fraction of the weights that stays the prior's, so that a model can regain its weight"""
 
 
 class Prior(NamedTuple):
-    """Of one model, before it was tried on a deployment."""
+    """Prior of one model, before the first value of a deployment."""
 
     weight: float
-    """[1] beside the others', which need not add up to 1"""
+    """[1] relative weight; the weights of a pool need not add up to 1"""
     scale: float
-    """of its errors, in the unit in which the model says how they spread"""
+    """scale of the errors; it multiplies the root of the model's own covariance (`shapes`)"""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Mixture:
-    """A forecast of several numbers by the models that said something."""
+    """Forecast of several numbers: a mixture of the models that have a forecast."""
 
     names: tuple[str, ...]
     weights: Array
@@ -72,14 +72,14 @@ class Mixture:
 
     @functools.cached_property
     def covariance(self) -> Array:
-        """Within the models and between them, (number, number)."""
+        """Covariance within the models plus that between their means, (number, number)."""
         apart = self.means - self.mean
         within = np.einsum("m,mij->ij", self.weights, self.covariances)
         return np.asarray(within + np.einsum("m,mi,mj->ij", self.weights, apart, apart))
 
     def draw(self, count: int, freedom: float, rng: np.random.Generator) -> Array:
-        """Draws (draw, number): each takes one model by its weight, and an error by Student's t
-        of so many degrees of `freedom` with the model's covariance."""
+        """Sample the mixture, (draw, number): a model by its weight, then an error by Student's t
+        of `freedom` degrees with the model's covariance."""
         taken = rng.choice(len(self.weights), size=count, p=self.weights)
         heavy = np.sqrt((freedom - 2.0) / rng.chisquare(freedom, count))
         roots = np.linalg.cholesky(self.covariances)
@@ -89,7 +89,7 @@ class Mixture:
 
 
 class Pool:
-    """Weights and scales of some models, learned from every value that is found.
+    """Weights and scales of several models, learned from every observed value.
 
     pool = Pool({"persistence": Prior(1.0, 0.1), "mean": Prior(1.0, 0.1)})
     ahead = pool.expect([[0.1, 0.0], [0.2, 0.1]])
@@ -97,8 +97,8 @@ class Pool:
 
     Args:
       priors: by the models' names.
-      freedom: [1] degrees of Student's t, above 2.
-      counted: [1] errors as which a prior's scale counts.
+      freedom: [1] degrees of freedom of Student's t, above 2.
+      counted: [1] number of errors that the prior of a scale counts as.
       forgetting: [1] see `FORGETTING`.
 
     Raises:
@@ -132,24 +132,23 @@ class Pool:
 
     @property
     def weights(self) -> dict[str, float]:
-        """[1] of every model now."""
+        """[1] Weight of every model now; they add up to 1."""
         return dict(zip(self.names, _normalised(self._logarithms).tolist(), strict=True))
 
     @property
     def scales(self) -> dict[str, float]:
-        """Of every model's errors now."""
+        """Scale of every model's errors now."""
         return dict(zip(self.names, np.sqrt(self._squares / self._count).tolist(), strict=True))
 
     def expect(self, means: ArrayLike, shapes: ArrayLike | None = None) -> Mixture:
-        """The mixture of what the models say.
+        """Mix the models' forecasts.
 
         Args:
-          means: (model, number); NaN in the row of a model that says nothing this time.
-          shapes: how errors spread before the learned scale, (model, number, number); None: alike
-            in all directions.
+          means: (model, number); NaN in the row of a model without a forecast this time.
+          shapes: covariance of errors of scale 1, (model, number, number); None: the unit matrix.
 
         Raises:
-          InputError: no model says anything.
+          InputError: no model has a forecast.
         """
         said = np.asarray(means, float)
         known = np.isfinite(said).all(axis=1)
@@ -168,13 +167,13 @@ class Pool:
         )
 
     def learn(self, value: ArrayLike) -> Array:
-        """What was found, (number,), of what was asked last.
+        """Learn from the observed value, (number,), of the last forecast.
 
         Returns:
-          The part that each model had in explaining it, (model,), 0 of those that said nothing.
+          Posterior weight of each model for this value, (model,); 0 of a model without a forecast.
 
         Raises:
-          InputError: nothing was asked.
+          InputError: there was no forecast before.
         """
         if self._asked is None:
             raise InputError("a pool learns from what it was asked before: call expect first")
@@ -192,7 +191,7 @@ class Pool:
         moved = self._logarithms.copy()
         before = _log_sum(moved[known])
         moved[known] = self.forgetting * moved[known] + TEMPER * likely
-        moved[known] += before - _log_sum(moved[known])  # those that said nothing keep their share
+        moved[known] += before - _log_sum(moved[known])  # models without a forecast keep theirs
         kept = (1.0 - LEAST) * _normalised(moved) + LEAST * self._prior
         self._logarithms = np.log(kept)
         doubt = (self.freedom + size) / (self.freedom + distance)
@@ -223,16 +222,16 @@ CURRENT_PRIORS: Mapping[str, Prior] = {
     FIELD: Prior(0.5, 0.1),
     BESIDE: Prior(0.5, 1.0),
 }
-"""Of each model, as deployments have them in common (`python -m benchmarks.surfacings`); scales in
-m/s, of the filters in their own deviations. The two with a field are assumed."""
+"""Prior of each model, learned over deployments (`python -m benchmarks.surfacings`): scale in m/s,
+of the filters in their own standard deviations. The two with a field are assumed."""
 LAST = {PERSISTENCE: 1, MEAN: 3}
-"""Dives whose mean a model says"""
+"""Number of last dives whose mean current a model forecasts"""
 TIDAL_DAYS, FEWEST = 2.0, 6
-"""[d] of a tidal fit, and the dives below which it is their mean alone"""
+"""[d] Length of a tidal fit's record, and number of dives below which the mean alone is fitted"""
 
 
 class CurrentPool:
-    """Models of the current of one deployment: the last dives, a tide, a filter, a field.
+    """Models of the mean current over a dive: last dives, tide, filter, forecast field.
 
     pool = CurrentPool(latitude=31.5, time=legs[0].start)
     for leg in legs:
@@ -241,9 +240,9 @@ class CurrentPool:
 
     Args:
       latitude: [degree] of the deployment.
-      time: [s] at which it begins, on the legs' clock.
-      field: whether legs say what a forecast field foretells.
-      priors: of the models by name.
+      time: [s] begin of the deployment, on the legs' clock.
+      field: True if the legs hold a forecast field's current.
+      priors: by the models' names.
     """
 
     def __init__(
@@ -259,20 +258,20 @@ class CurrentPool:
             name: CurrentFilter(CurrentParameters(field=part), latitude=latitude, time=time)
             for name, part in follows.items()
         }
-        """Beside a field the second one follows what that lacks"""
+        """Current filters by model; that beside a field follows the current less the field's"""
         names = [one for one in CURRENT_PRIORS if field or one not in (FIELD, BESIDE)]
         self.pool = Pool({name: priors[name] for name in names})
         self._legs: list[Leg] = []
 
     def alone(self, name: str, leg: Leg) -> tuple[Array, Array]:
-        """Mean current over a leg that begins now, by one model, and how its error spreads.
+        """Mean current over a leg that begins now, by one model, with its covariance.
 
         Args:
-          leg: its start, duration, way through the water and field; its `over_ground` is not read.
+          leg: start, duration, displacement through the water and field; `over_ground` is not read.
 
         Returns:
-          North, east [m/s], (2,), NaN while the model has nothing to say, and a matrix (2, 2) that
-          the pool scales; a filter's has the way's errors of speed and compass.
+          North, east [m/s], (2,), NaN while the model has no forecast, and a covariance (2, 2) of
+          scale 1, which the pool scales; a filter's contains errors of speed and compass.
         """
         if name in self.filters:
             filter_ = self.filters[name]
@@ -291,12 +290,12 @@ class CurrentPool:
         return mean, np.eye(2)
 
     def expect(self, leg: Leg) -> Mixture:
-        """Mean current [m/s] over a leg that begins now, by the models together."""
+        """Forecast the mean current [m/s] over a leg that begins now, by all models."""
         means, shapes = zip(*(self.alone(name, leg) for name in self.pool.names), strict=True)
         return self.pool.expect(np.array(means), np.array(shapes))
 
     def learn(self, leg: Leg) -> Array:
-        """Take a leg whose fix has come; returns the part of each model in explaining it."""
+        """Learn from a leg that has ended; returns each model's posterior weight for it."""
         self.expect(dataclasses.replace(leg, over_ground=(math.nan, math.nan)))
         part = self.pool.learn(leg.current)
         self._legs.append(leg)
@@ -307,9 +306,9 @@ class CurrentPool:
 
 
 def tidal_fit(legs: Sequence[Leg], ahead: Leg, days: float) -> Array:
-    """Mean current [m/s] over a leg, by mean and M2 of the last days' legs in least squares, (2,).
+    """Mean current [m/s] over a leg, (2,): mean and M2, fitted to the legs of the last days.
 
-    Until these are `FEWEST` and span a period of M2: their mean alone; NaN without any.
+    Fewer than `FEWEST` legs, or legs within one period of M2, give their mean; none give NaN.
     """
     recent = [one for one in legs if one.start >= ahead.start - days * DAY]
     if not recent:
@@ -323,7 +322,7 @@ def tidal_fit(legs: Sequence[Leg], ahead: Leg, days: float) -> Array:
 
 
 def _means(leg: Leg, turn: float, origin: float) -> Array:
-    """Over a leg the means of 1, cosine and sine at a rate [rad/s] since a time [s]; rate 0: 1."""
+    """Means of 1, cosine, sine over a leg, at a rate [rad/s] since a time [s]; rate 0: 1 alone."""
     if turn == 0.0:
         return np.ones(1)
     begin, end, over = turn * np.array([leg.start - origin, leg.end - origin, leg.duration])

@@ -1,9 +1,9 @@
-"""Request: what a forecast is asked for, checked before anything is flown, and what is then known.
+"""Request: inputs of a forecast, checked before anything is flown, and what is known at its start.
 
-A pool of models of the current holds what is known of the water, one of them a current filter:
-without logs the filter's prior (mean current, eddies, tide, inertial oscillation, speed and
-compass, as `twin.navigation.current.CurrentParameters` has them), with logs what the fixes of their
-last deployment have told the models, and what each was worth.
+`Known` is the state at the start. Its pool has models of the current, one of them a filter.
+Without logs the filter has its prior (mean current, eddies, tide, inertial oscillation, speed and
+compass: `twin.navigation.current.CurrentParameters`). With logs, models and weights have learned
+from the fixes of the last deployment.
 """
 
 from __future__ import annotations
@@ -41,40 +41,40 @@ from twin.water.current import Current
 
 HOUR, DAY = 3600.0, 86400.0
 FIELD_ERROR = 0.1
-"""[m/s] of a forecast field's depth-averaged current, north and east each: of the size that models
-of shelf seas have against gliders"""
+"""[m/s] Standard deviation of a forecast field's depth-averaged current, north and east each: the
+size of errors that models of shelf seas have against gliders"""
 LONGEST_HOURS, LEAST_MEMBERS, MOST_MEMBERS = 240.0, 10, 100_000
 FASTEST, SLOWEST = 3.0, 0.1
-"""[m/s] over ground: a glider's speed and 2 m/s of current, rounded up; and of a climb, for how far
-beyond the horizon members fly"""
+"""[m/s] Largest speed over ground, a glider's plus a current of 2 m/s; and least vertical velocity
+of a climb, which says how far beyond the horizon members fly"""
 DEEPEST = 1500.0
-"""[m] for a vehicle whose file has no rated depth: that of the deepest among the shipped ones"""
+"""[m] Rated depth of a vehicle whose file has none: that of the deepest shipped vehicle"""
 LATE = 0.25
-"""Of a dive, by which members come up later than others"""
+"""[1] Fraction of a dive by which late members surface after the others"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Request:
-    """Where from, on what mission, in which water, how many members."""
+    """Inputs of a forecast: vehicle, mission, start, water, number of members."""
 
     vehicle: Vehicle
     mission: Mission
     place: Origin
-    """With its time."""
+    """Place and time of the start."""
     hours: float = 12.0
-    """How far ahead [h]."""
+    """[h] Horizon."""
     members: int = 200
     field: Current | None = None
-    """A forecast of the current; None: what the logs told goes on."""
+    """Forecast of the current; None: the current of the logs, as their models continue it."""
     field_error: float = FIELD_ERROR
-    """[m/s] standard deviation of its error, north and east each."""
+    """[m/s] Standard deviation of the field's error, north and east each."""
     density: str = "usual"
-    """Water column, as `twin simulate --density` takes it."""
+    """Water column, as in `twin simulate --density`."""
     energy_left_kwh: float | None = None
-    """Energy left in the batteries [kW h]; None: no days left are told."""
+    """[kW h] Energy left in the batteries; None: the days left are not reported."""
     seed: int = 0
     engine: str = "lanes"
-    """What flies the members, as `Scenario.engine`."""
+    """Engine of the members, as `Scenario.engine`."""
 
     def __post_init__(self) -> None:
         check_members(self.members, self.engine)
@@ -92,10 +92,10 @@ class Request:
                 f"mission {self.mission.name!r} goes by {self.mission.needs_floor}, and a forecast "
                 f"has no sea floor: leave {self.mission.needs_floor} out"
             )
-        self.notes()  # refuses targets that are too far
+        self.notes()  # raises MissionError for a target beyond the plane of the start
 
     def notes(self) -> tuple[str, ...]:
-        """What is odd about depth and targets; MissionError where one is too far to be meant."""
+        """Warnings about depth and targets; MissionError for a target beyond the start's plane."""
         said = []
         placed = self.mission.placed(self.place.latitude_deg, self.place.longitude_deg)
         if isinstance(first := placed.segments[0], Waypoint):
@@ -127,22 +127,22 @@ class Request:
 
     @property
     def deepest(self) -> float:
-        """[m] of all dives of the mission."""
+        """[m] Largest depth of the mission's dives."""
         return max(getattr(one, "max_depth_m", 0.0) for one in self.mission.segments)
 
     @property
     def horizon(self) -> float:
-        """[s] within which surfacings are told."""
+        """[s] Time within which surfacings are reported."""
         return HOUR * self.hours
 
     @property
     def flown(self) -> float:
-        """[s] that members fly: beyond the horizon, until those that are late are up, too."""
+        """[s] Duration of members' flights: beyond the horizon, for late members to surface."""
         return self.horizon + self.deepest / SLOWEST + LATE * longest_dive(self.mission)
 
 
 def check_members(members: int, engine: str = "lanes") -> None:
-    """Raise InputError for an unknown engine, and for members that are too few or too many."""
+    """Raise InputError for an unknown engine and for too few or too many members."""
     if engine not in ENGINES:
         raise InputError(unknown_name("engine", str(engine), ENGINES))
     if not LEAST_MEMBERS <= members <= MOST_MEMBERS:
@@ -153,7 +153,7 @@ def check_members(members: int, engine: str = "lanes") -> None:
 
 
 def check_hours(hours: float) -> None:
-    """Raise InputError for a forecast that reaches nowhere, or too far ahead."""
+    """Raise InputError for a horizon of 0 or beyond `LONGEST_HOURS`."""
     if not 0.0 < hours <= LONGEST_HOURS:
         raise InputError(f"forecast: hours = {hours:g} must be above 0, at most {LONGEST_HOURS:g}")
 
@@ -161,10 +161,10 @@ def check_hours(hours: float) -> None:
 def mission_to(
     goto: str, *, depth: float, pitch_deg: float, surface_after_s: float, radius: float
 ) -> Mission:
-    """A mission to places in the text "LAT,LON[;LAT,LON ...]".
+    """Mission to the places of a text "LAT,LON[;LAT,LON ...]".
 
     Raises:
-      MissionError: a place that cannot be read, or an impossible depth or pitch.
+      MissionError: a place cannot be read, or depth or pitch is impossible.
     """
     targets = []
     for part in goto.split(";"):
@@ -187,32 +187,33 @@ def mission_to(
 
 
 def longest_dive(mission: Mission) -> float:
-    """[s] between surfacings that a mission asks for; 3 h where it does not say."""
+    """[s] Longest time between surfacings that a mission commands; 3 h where it has none."""
     times = [getattr(segment, "surface_after_s", None) for segment in mission.segments]
     return max((time for time in times if time is not None), default=3.0 * HOUR)
 
 
 KILO = 1e3
 OLD, FAR, MOST_BEFORE = 2.0, 30.0, 60.0
-"""[d], [km] beyond which logs are warned of: eddies and tides decorrelate over these; and [s] by
-which clocks may differ"""
+"""[d] age and [km] distance beyond which logs give a warning: eddies and tides decorrelate there;
+and [s] largest difference of clocks"""
 MOST_DAYS, MOST_AWAY, MOST_PER_DAY = 30.0, 100.0, 100.0
-"""[d], [km], [km/d] beyond which they are refused: more than a glider drifts at 1.2 m/s"""
+"""[d] age, and [km] distance with its growth [km/d], beyond which logs are refused: a glider drifts
+at less than 1.2 m/s"""
 
 
 class LastSeen(NamedTuple):
-    """The newest sample of a log: no surfacing to come is earlier."""
+    """Newest sample of a log: the next surfacing is later."""
 
     time: float
     """[s] unix"""
     depth: float
     """[m]"""
     rise: float
-    """[s] to come up from there as fast as it moved up and down before."""
+    """[s] to rise from that depth at the median vertical velocity of the dive."""
 
     @property
     def words(self) -> str:
-        """In words."""
+        """Depth, time and rise in words."""
         return (
             f"the log has it at {self.depth:.0f} m at {utc_minute(self.time)} UTC: it comes up "
             f"{self.rise / 60.0:.0f} min later at the earliest"
@@ -221,42 +222,42 @@ class LastSeen(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Known:
-    """The state at the last fix; None and empty without logs."""
+    """State at the last fix of the logs; without logs most fields are None or empty."""
 
     pool: CurrentPool
-    """At the time of the last fix, on the clock of unix seconds."""
+    """Models of the current at the last fix, on the unix clock."""
     place: tuple[float, float] | None = None
     """Latitude, longitude [degree] of the last fix."""
     time: float | None = None
-    """[s] unix of the last fix."""
+    """[s] Unix time of the last fix."""
     last_current: tuple[float, float] | None = None
-    """North, east [m/s], mean over the last dive: what the vehicle itself believes."""
+    """North, east [m/s], mean over the last dive: the vehicle's own estimate on board."""
     source: str = "no logs"
-    """In words."""
+    """Source of the state in words."""
     legs: int = 0
-    """Dives that told it."""
+    """Number of dives from which the models learned."""
     ways: WayPool | None = None
-    """How the vehicle went beside how it was sent."""
+    """Models of the velocity through the water."""
     reach: float = chi_squared(0.9)
-    """[1] squared distance within which nine of ten surfacings of the log were of what would have
-    been forecast for them."""
+    """[1] squared Mahalanobis radius that held nine of ten surfacings of the log, when each was
+    forecast from the dives before."""
     rhythm: Rhythm | None = None
-    """How long it stays at the surface and how its dives keep the time; None: not known."""
+    """Surface intervals and durations; None: not known."""
     silent: str = ""
-    """What the log does not tell of its dives, in words; empty where nothing is missing"""
+    """Gaps of the log in words; empty without gaps"""
     last_seen: LastSeen | None = None
-    """The newest sample of the log, where it is newer than the last fix"""
+    """Newest sample of the log, if it is newer than the last fix"""
     by_model: bool = False
-    """Whether the way through the water was the vehicle's flight model's: the filter's errors of
-    speed and compass are then the model's."""
+    """True if displacements through the water are those of the vehicle's flight model: the filter's
+    errors of speed and compass are then that model's."""
 
     @property
     def filter_(self) -> CurrentFilter:
-        """The pool's current filter: it alone knows the errors of speed and compass, too."""
+        """Current filter of the pool; it also estimates the errors of speed and compass."""
         return self.pool.filters[FILTER]
 
     def at(self, time: float) -> Known:
-        """Age the knowledge of the current to a unix time [s].
+        """Propagate the current filter to a unix time [s].
 
         Raises:
           InputError: the time is more than a minute before the last fix.
@@ -272,13 +273,13 @@ class Known:
         return self
 
     def check_begin(self, latitude: float, longitude: float, time: float) -> str:
-        """Check that the logs are near enough to a place [degree] and a unix time [s].
+        """Check that the logs are near a place [degree] and a unix time [s].
 
         Returns:
-          A warning where they are old or from elsewhere; empty where not.
+          A warning where the logs are old or from elsewhere; else empty.
 
         Raises:
-          InputError: they are too old, or from farther away than a glider goes meanwhile.
+          InputError: the logs are too old, or from farther away than a glider goes since then.
         """
         if self.place is None or self.time is None:
             return ""
@@ -299,20 +300,20 @@ class Known:
 
 
 def known_without_logs(latitude: float, time: float) -> Known:
-    """Know the prior alone, at a latitude [degree] and a unix time [s]."""
+    """State of the priors alone, at a latitude [degree] and a unix time [s]."""
     return Known(pool=CurrentPool(latitude=latitude, time=time))
 
 
 def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
-    """Learn what a store of logs tells, by the last deployment that has a dive from fix to fix.
+    """Learn the state from a store of logs: its last deployment with a dive from fix to fix.
 
     Args:
-      path: of a store that `factory import` wrote.
-      vehicle: flight model for the way through the water, a file or a shipped name; None: depth
-        rate and pitch, or the vehicle's reported current.
+      path: store that `factory import` wrote.
+      vehicle: flight model for the velocity through the water, a file or a shipped name; None:
+        depth rate and pitch, or the vehicle's reported current.
 
     Raises:
-      StoreError: no store of logs, or none of its dives has two fixes and a known way.
+      StoreError: no store of logs, or no dive with two fixes and a known displacement.
       VehicleError: no such vehicle.
     """
     with LogStore(Path(path)) as logs:
@@ -348,8 +349,7 @@ def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
 
 
 def aim_of(path: str | Path) -> str:
-    """The place "LAT,LON" that the vehicle was sent to in the last dive of a store of logs, if the
-    log has it; else empty.
+    """Last waypoint "LAT,LON" that the last dive of a store commands; empty where it has none.
 
     Raises:
       StoreError: no store of logs.
@@ -363,14 +363,14 @@ def aim_of(path: str | Path) -> str:
 
 
 def begun(start: Origin | str | None, known: Known | None) -> tuple[Origin, Known, str]:
-    """Place and time at which a forecast begins, the knowledge then, and a warning if it is poor.
+    """Start of a forecast, the state there, and a warning where the logs are old or far away.
 
     Args:
       start: a place with its time, or LAT,LON,TIME in UTC; None: the last fix of the logs.
-      known: by the logs; None: there are none, and `start` is needed.
+      known: state by the logs; None: there are none, and `start` is needed.
 
     Raises:
-      InputError: the text cannot be read, or the logs tell nothing of that place and time.
+      InputError: the text cannot be read, or the logs are too old or too far away.
     """
     if isinstance(start, Origin):
         latitude, longitude, time = start.latitude_deg, start.longitude_deg, str(start.time)
@@ -392,8 +392,8 @@ def begun(start: Origin | str | None, known: Known | None) -> tuple[Origin, Know
 
 
 def _last_deployment(logs: LogStore) -> tuple[str, str]:
-    """The deployment that was at sea last and has a dive from fix to fix, if any has one; and the
-    one that was at sea after it, empty if none was."""
+    """Names of the last deployment with a dive from fix to fix (else the last of all), and of the
+    last of all if that is another one, else empty."""
     starts = np.where(np.isfinite(logs.starts), logs.starts, -np.inf)
     last = int(np.argmax(starts))
     fixed = np.isfinite(logs.number("displacement_north"))
@@ -403,11 +403,11 @@ def _last_deployment(logs: LogStore) -> tuple[str, str]:
 
 
 MOVING = 0.03
-"""[m/s] A vehicle that sinks and rises slower hangs, or lies at the surface"""
+"""[m/s] Least vertical velocity of a dive: a slower vehicle hovers, or floats"""
 
 
 def _last_seen(logs: LogStore, deployment: str) -> LastSeen | None:
-    """Newest sample of a deployment; None where its newest dive has no depth."""
+    """Newest sample of a deployment; None where it has no depth."""
     end, row = max((float(logs.time(row)[-1]), row) for row in logs.missions_of(deployment))
     if "measured_depth" not in logs:
         return None

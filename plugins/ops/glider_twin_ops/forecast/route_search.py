@@ -1,9 +1,9 @@
-"""Route search: the fastest way through moving water for a vehicle of a given speed in it.
+"""Route search: the fastest path through a current for a vehicle of given speed through the water.
 
-Dijkstra's algorithm over the nodes of the water, where each edge takes as long as the current along
-it, when it is passed, makes it, and ways of few corners that are thrown at random; then the corners
-are moved until the mean over all draws of the water is least (Powell 1964, Comput. J. 7).
-North and east are metres in the plane that touches the Earth at the start.
+Candidates come from Dijkstra's algorithm over the nodes of a grid, where the time of an edge
+follows from the current when the vehicle passes it, and from random paths of few corners. The
+corners are then moved to the least mean time over all samples of the water (Powell 1964, Comput.
+J. 7). North and east are metres in the tangent plane at the start. `routes` uses the search.
 """
 
 from __future__ import annotations
@@ -23,37 +23,38 @@ from twin.compiled import inline, jit
 from twin.numbers import Array
 
 STEP = 3.0 * 3600.0
-"""[s] between two times of the water"""
+"""[s] Interval between two times of the water"""
 REACH = 4
-"""Nodes that an edge spans at most: 48 directions"""
+"""Largest number of nodes that an edge spans each way: 48 directions"""
 SPANS = range(-REACH, REACH + 1)
 EDGES = np.array([(n, e) for n in SPANS for e in SPANS if math.gcd(n, e) == 1])
 LOOKS = (4, 8, 16)
-"""Places of an edge where its current is looked up, at the node that is nearest: few find ways that
-bear a forecast's errors, many find the best of a water that is known; all of them are tried"""
+"""Numbers of places of an edge where the nearest node's current is read. All three are tried: few
+places give paths that tolerate a forecast's errors, many give the best path of a known water"""
 SLOWEST, BARRED = 0.02, 1e9
-"""[m/s] over ground that counts as no progress: it waits there for better water; and [s] of a way
-that must not be taken"""
+"""[m/s] Least speed over ground, where a vehicle makes no progress and waits for better water; and
+[s] time of a forbidden path"""
 CORNERS, WORTH = 7, 0.002
-"""Of a way, at most: with its end as many as a Slocum's list of waypoints holds; and the part of
-the time that each must save"""
+"""Largest number of corners between a path's ends, which with its end fill a Slocum's list of
+waypoints; and [1] least fraction of the time that each corner must save"""
 THROWN, CAUGHT, MOST_THROWN = 600, 3, 4
-"""Ways that are thrown, how many of them are kept, and the corners of each, at most"""
+"""Number of random paths, number of them that is kept, and largest number of their corners"""
 ALONG, ASIDE = (-0.2, 1.2), (0.25, 0.05)
-"""Where these lie, in lengths of the straight way, and the standard deviation across it of the step
-between corners, in lengths: wide and narrow throws"""
+"""[1] In lengths of the straight path: limits of random corners along it, and standard deviation of
+the steps across it, for wide and for narrow paths in turn"""
 AT_ONCE = 1_000_000
-"""Numbers of lines and corners that are held beside each other at a time"""
+"""Largest number of elements of an array of lines by corners of a polygon"""
 ALONE, APART = 3, 2.0
-"""Single draws whose fastest ways are candidates, too, and nodes by which two ways must differ"""
+"""Number of single samples of the water whose fastest paths are candidates too, and least distance
+of two candidates in nodes"""
 EDDIES, SHORTEST, LONGEST = 24, 3e4, 2e5
-"""Waves that make an error of the field, and their lengths [m]: mesoscale eddies, that models
-misplace"""
+"""Number of waves in a sampled error of the field, and limits of their length [m]: mesoscale eddies
+are what models misplace"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RouteWater:
-    """Currents on a grid [m], (north,) and (east,), by member; the first is what is expected."""
+    """Currents of each member on a grid [m], (north,) and (east,); the first member is the mean."""
 
     north: Array
     east: Array
@@ -62,32 +63,32 @@ class RouteWater:
 
     @property
     def spacing(self) -> float:
-        """[m] of the nodes."""
+        """[m] Distance of neighbouring nodes."""
         return float(self.north[1] - self.north[0])
 
     @property
     def corners(self) -> Array:
-        """[m] of the region, south-west and north-east, (2, 2)."""
+        """[m] South-west and north-east corner of the region, (2, 2)."""
         return np.array([[self.north[k], self.east[k]] for k in (0, -1)])
 
     @property
     def lasts(self) -> float:
-        """[s] from the start on that it covers."""
+        """[s] Time from the start to the end of the currents."""
         return STEP * (self.current.shape[1] - 1)
 
     def part(self, members: slice) -> RouteWater:
-        """Some of its members."""
+        """Water of some of the members."""
         return dataclasses.replace(self, current=self.current[members])
 
 
 @inline
 def made_good(north, east, ahead, aside, speed):  # type: ignore[no-untyped-def]
-    """[m/s] along a way with the bow held against what sets across it.
+    """Speed over ground [m/s] along a course, with the heading that cancels the current across it.
 
-    Not above `SLOWEST` where the current across is faster than the vehicle.
+    It is `SLOWEST` where the current across is faster than the vehicle.
 
     Args:
-      north, east: [m/s] of the current. ahead, aside: the way's unit vector, north and east.
+      north, east: [m/s] of the current. ahead, aside: unit vector of the course, north and east.
       speed: [m/s] through the water.
     """
     across = north * aside - east * ahead
@@ -106,12 +107,12 @@ def erring(
     north: Array,
     east: Array,
 ) -> Array:
-    """The water that a forecast lets expect, and draws of it, (member, time, north, east, 2).
+    """Expected water of a forecast with errors, and samples, (member, time, north, east, 2).
 
-    A forecast that misplaces eddies is as lively as the water, and the larger its error, the less
-    of what it shows is there: of what differs from the mean over region and time the part 1 - N / 2
-    S is expected, where N is the variance of its error and S its own; the rest is drawn. Draws come
-    in pairs of opposite errors, so that an odd number of members has the expected water as mean.
+    A forecast that misplaces eddies has the variance of the water. Of its anomalies (forecast less
+    mean over region and time) the fraction 1 - N / (2 S) is expected, where N is the variance of
+    the error and S that of the anomalies; the rest is sampled. Samples come in pairs of opposite
+    errors, so that the mean of an odd number of members is the expected water.
 
     Args:
       forecast: [m/s] north, east, (time, north, east, 2). error: [m/s] standard deviation each way.
@@ -120,7 +121,7 @@ def erring(
     liveliness = float(((forecast - mean) ** 2).mean())
     if error == 0.0 or liveliness > 0.0:
         there = 1.0 if error == 0.0 else max(1.0 - wrong / (2.0 * liveliness), 0.0)
-    # water that has nothing of the forecast adds its own liveliness to the forecast's
+    # where no anomaly is expected, water and forecast are independent: N = (water's variance) + S
     rest = liveliness * (1.0 - there**2) if there > 0.0 else wrong - liveliness
     expected = mean + there * (forecast - mean)
     found = np.empty((members, *forecast.shape))
@@ -132,14 +133,14 @@ def erring(
 
 
 def eddies(rng: np.random.Generator, times: Array, north: Array, east: Array) -> Array:
-    """A random flow without divergence, 1 m/s each way, (time, north, east, 2)."""
+    """Random flow without divergence, rms 1 m/s each way, (time, north, east, 2)."""
     turn = rng.uniform(0.0, 2.0 * math.pi, EDDIES)
     length = np.exp(rng.uniform(math.log(SHORTEST), math.log(LONGEST), EDDIES))
     wave = 2.0 * math.pi / length * np.array([np.cos(turn), np.sin(turn)])
     rate = rng.standard_normal(EDDIES) / FIELD_TIME
     phase = rng.uniform(0.0, 2.0 * math.pi, EDDIES)
     size = rng.standard_normal(EDDIES) * math.sqrt(2.0 / EDDIES) * math.sqrt(2.0)
-    # a wave is a product of one of time, north and east each: real part of exp(i (a + b + c))
+    # each wave is a product of three factors, of time, north and east: Re exp(i (a + b + c))
     over, up = np.exp(1j * (phase - np.outer(times, rate))), np.exp(1j * np.outer(north, wave[0]))
     of_two = (over[:, None] * up).reshape(-1, EDDIES)
     right = np.exp(1j * np.outer(wave[1], east))
@@ -154,11 +155,11 @@ def eddies(rng: np.random.Generator, times: Array, north: Array, east: Array) ->
 def way_times(
     water: RouteWater, way: Array, speed: float, avoided: Sequence[Array] = (), begin: float = 0.0
 ) -> Array:
-    """[s] that a way takes in each member, (member,); `BARRED` where it must not be taken.
+    """[s] Time of a path in each member, (member,); `BARRED` outside the region or in a polygon.
 
     Args:
-      way: [m] north, east of its corners, (corner, 2). speed: [m/s] through the water.
-      avoided: polygons, each (corner, 2). begin: [s] after the start.
+      way: [m] north, east of the path's corners, (corner, 2). speed: [m/s] through the water.
+      avoided: polygons, each (corner, 2). begin: [s] departure after the start.
     """
     low, high = water.corners
     if not ((way >= low) & (way <= high)).all() or meets(way[:-1], way[1:], avoided).any():
@@ -169,7 +170,7 @@ def way_times(
 
 @jit(nogil=True)
 def _flown(current, corner, spacing, way, speed, begin):  # type: ignore[no-untyped-def]
-    """[s] of a way in each member; the current is linear in time and between nodes."""
+    """[s] Time of a path in each member; currents are interpolated in time and between nodes."""
     taken = np.empty(current.shape[0])
     last, rows, columns = current.shape[1], current.shape[2], current.shape[3]
     for member in range(len(taken)):
@@ -200,14 +201,14 @@ def _flown(current, corner, spacing, way, speed, begin):  # type: ignore[no-unty
 
 @inline
 def _cell(place, count):  # type: ignore[no-untyped-def]
-    """Index of the cell of `count` nodes that a place is in, and the part of it that is before."""
+    """Index of the cell that holds a place, and fraction of the cell before it; `count` nodes."""
     place = min(max(place, 0.0), count - 1.000001)
     return int(place), place - int(place)
 
 
 @dataclasses.dataclass(kw_only=True)
 class Search:
-    """Ways through one water at one speed, from one time on; each (corner, 2), [m] north, east."""
+    """Search for paths, each (corner, 2), [m] north, east, at one speed from one departure on."""
 
     water: RouteWater
     speed: float
@@ -215,12 +216,12 @@ class Search:
     avoided: Sequence[Array] = ()
     """Polygons, each (corner, 2)"""
     begin: float = 0.0
-    """[s] after the start of the water"""
+    """[s] departure after the start of the water"""
 
     @functools.cached_property
     def edges(self) -> NDArray[np.bool_]:
-        """Mask of the allowed edges of each node, (north, east, edge): they end in the water's
-        region and meet no polygon."""
+        """Mask of the allowed edges of each node, (north, east, edge): edges that end in the region
+        and meet no polygon."""
         rows, columns = len(self.water.north), len(self.water.east)
         here = np.indices((rows, columns)).transpose(1, 2, 0)[:, :, None]
         there = here + EDGES
@@ -233,14 +234,14 @@ class Search:
         return found
 
     def mean(self, way: Array) -> float:
-        """[s] that a way takes in the mean of all members."""
+        """[s] Mean time of a path over all members."""
         times = way_times(self.water, way, self.speed, self.avoided, self.begin)
         return float(times.mean())
 
     def fastest(
         self, member: int, start: Array, goal: Array, looks: int = LOOKS[0]
     ) -> Array | None:
-        """The fastest way from node to node in one member, by `LOOKS`; None: there is none."""
+        """Fastest path over nodes in one member, with currents read at `looks` places an edge."""
         water = self.water
         first, last = (
             (int(np.argmin(np.abs(water.north - n))), int(np.argmin(np.abs(water.east - e))))
@@ -259,10 +260,9 @@ class Search:
         return np.concatenate([start[None], inner, goal[None]])
 
     def thrown(self, start: Array, goal: Array, rng: np.random.Generator) -> list[Array]:
-        """The best of ways that are thrown at random, by the mean over all members.
+        """Best `CAUGHT` of `THROWN` random paths of few corners, by the mean time over all members.
 
-        A search from node to node finds a way of many corners, of which the best few need not be
-        near the best way of few corners.
+        The path over nodes has many corners; its best few need not be near the best path of few.
         """
         length = float(np.hypot(*(goal - start)))
         if length == 0.0:
@@ -282,8 +282,8 @@ class Search:
         return [way for times, way in found[:CAUGHT] if times < BARRED]
 
     def thinned(self, way: Array) -> Array:
-        """A way without the corners that it misses least: at most `CORNERS` between its ends, and
-        more are left out while that costs less than `WORTH` of the time each."""
+        """Remove corners whose removal costs least time: down to `CORNERS` between the ends, then
+        while a removal costs less than the fraction `WORTH` of the time."""
         now = self.mean(way)
         while len(way) > 2:
             without = [np.delete(way, k, axis=0) for k in range(1, len(way) - 1)]
@@ -295,7 +295,7 @@ class Search:
         return way
 
     def polished(self, way: Array) -> Array:
-        """A way of few corners, moved to the least mean time over all members."""
+        """Path of few corners, moved to the least mean time over all members."""
         from scipy.optimize import minimize
 
         few = self.thinned(way)
@@ -318,11 +318,11 @@ def best_ways(
     avoided: Sequence[Array],
     rng: np.random.Generator,
 ) -> list[Array]:
-    """Ways through stops, [m] north, east, (stop, 2), that are fastest in the mean water or in a
-    draw, and polished in all; each (corner, 2), none twice."""
+    """Paths through stops, [m] north, east, (stop, 2), that start as the fastest in the mean water
+    or in one sample, and are polished in all; each (corner, 2), without near duplicates."""
 
     def even(way: Array) -> Array:
-        """Points at equal parts of a way's length, (2, point)."""
+        """Points at equal distances along a path, (2, point)."""
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
         at = np.linspace(0.0, along[-1], 50)
         return np.array([np.interp(at, along, metres) for metres in way.T])
@@ -338,7 +338,7 @@ def best_ways(
 
 
 def _through(search: Search, member: int, stops: Array, rng: np.random.Generator) -> Array | None:
-    """The polished way from stop to stop that is fastest, of those that one draw begins with."""
+    """Fastest polished path from stop to stop, of the candidates of one member; None: no path."""
     whole, search.begin = stops[:1], 0.0
     alone = search.water.part(slice(member, member + 1))
     for here, there in itertools.pairwise(stops):
@@ -358,11 +358,11 @@ def _through(search: Search, member: int, stops: Array, rng: np.random.Generator
 
 @jit(nogil=True)
 def _spread(field, spacing, open_, first, last, speed, begin, looks):  # type: ignore[no-untyped-def]
-    """Dijkstra's search: of each node the one that it is reached from, row * columns + column.
+    """Dijkstra's search: predecessor of each node as row * columns + column, -1 without one.
 
     Args:
-      field: [m/s] north, east, (time, north, east, 2). open_: edges that may be taken, (north,
-        east, edge). first, last: row and column. looks: as in `fastest`.
+      field: [m/s] north, east, (time, north, east, 2). open_: mask of allowed edges, (north, east,
+        edge). first, last: row and column. looks: as in `fastest`.
     """
     rows, columns = field.shape[1], field.shape[2]
     best = np.full((rows, columns), np.inf)
@@ -396,7 +396,7 @@ def _spread(field, spacing, open_, first, last, speed, begin, looks):  # type: i
 
 
 def meets(begins: Array, ends: Array, avoided: Sequence[Array]) -> NDArray[np.bool_]:
-    """Which of straight lines, (line, 2) each end, meet a polygon or begin in one."""
+    """Mask of the straight lines, (line, 2) each end, that cross a polygon or begin in one."""
     found = np.zeros(len(begins), dtype=bool)
     for ring in avoided:
         c, d = ring[None], np.roll(ring, -1, axis=0)[None]
@@ -415,6 +415,6 @@ def meets(begins: Array, ends: Array, avoided: Sequence[Array]) -> NDArray[np.bo
 
 
 def _side(a: Array, b: Array, c: Array) -> Array:
-    """Twice the area of the triangle of three points, signed."""
+    """Signed double area of the triangle of three points."""
     u, v = b - a, c - a
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])

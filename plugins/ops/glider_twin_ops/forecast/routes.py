@@ -1,10 +1,10 @@
-"""Routes: the best ways to a place for a vehicle that may be slower than the water.
+"""Routes: the fastest paths to a place for a vehicle that may be slower than the current.
 
-Candidates are the fastest ways in the mean water and in single draws of it, moved to the least mean
-over all draws. Other draws, which found none of them, say how long each takes and choose: a way is
-promised only where it is seldom slower than the straight one. The best three and the straight way
-are flown by the twin. Water is the current of a region, mean over the depths of the dives, and
-draws of its error.
+Candidates are the fastest paths in the mean water and in single samples of it, moved to the least
+mean time over these samples (`route_search`). A second set of samples, independent of the search,
+gives each path's times and the choice: a path must seldom be slower than the straight one. The twin
+flies the best three and the straight path. The water is the current of a region, mean over the
+depths of the dives, with samples of its error.
 """
 
 from __future__ import annotations
@@ -37,62 +37,62 @@ from twin.numbers import Array
 from twin.water.current import Current, sample_track
 
 PITCHES = (18.0, 22.0, 26.0, 30.0, 35.0)
-"""[degree] of the polar"""
+"""[degree] Pitches of the polar"""
 BEYOND, POLAR_HOURS = 60_000.0, 12.0
-"""[m] to the place that each of them is flown to, and [h] for which: a glider goes less far"""
+"""[m] Distance of the place to which the polar is flown, and [h] flight time: no glider arrives"""
 DRAWS, BEST = 48, 3
-"""Of the water beside what is expected, for the search, and as many others to judge by; and ways
-that are flown"""
+"""Number of samples of the water beside the mean, for the search and again for the judgement; and
+number of paths that are flown beside the straight one"""
 SLOWER, SELDOM, OFTEN = 1.02, 0.05, 0.5
-"""Times the straight way that counts as slower, the part of draws in which a way may be so, and
-that of draws which do not arrive from which no way is to be taken"""
+"""[1] Time over the straight path's that counts as slower, largest fraction of samples in which a
+path may be slower, and fraction without arrival above which no path is recommended"""
 MOST_VIAS, NINETY = 6, (0.05, 0.95)
 AT_HAND, LATE = 2.5, 1.2
-"""Times the time of the straight way in still water that the water must be known for, and the hours
-within which 95 of 100 draws arrive that the twin flies"""
+"""[1] Time for which the water must be known over the straight path's time in still water, and
+flight time of the twin over the time within which 95 % of the samples arrive"""
 NEAR = 2000.0
-"""[m] from the last place that counts as there"""
+"""[m] Distance from the last place that counts as arrival"""
 NODES, LEVELS = 41, 9
-"""Along the longer side of the region, and depths of the mean"""
+"""Number of nodes along the longer side of the region, and number of depths of the mean"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Route:
-    """One way; times are in hours."""
+    """Path to the place with its times [h]."""
 
     name: str
     places: tuple[tuple[float, float], ...]
-    """Latitude, longitude [degree] of corners and last place, the start left out"""
+    """Latitude, longitude [degree] of corners and last place, without the start"""
     hours: Array
-    """In each draw of the water that judges, (draw,)"""
+    """[h] time in each sample of the water that judges, (draw,)"""
     gain: Array
-    """Part of the straight way's time that it saves, (draw,)"""
+    """[1] fraction of the straight path's time that this path saves, (draw,)"""
     known_hours: float
-    """For which the water is known"""
+    """[h] time for which the water is known"""
     flown: Array = dataclasses.field(default_factory=lambda: np.empty(0))
-    """Of the members that the twin flew; NaN: did not arrive, (member,)"""
+    """[h] time of each member that the twin flew; NaN: no arrival, (member,)"""
     flown_hours: float = 0.0
-    """That these were flown for"""
+    """[h] flight time of the members"""
 
     @property
     def arrives(self) -> float:
-        """Part of the draws that are there while the water is known."""
+        """[1] Fraction of the samples that arrive while the water is known."""
         return float(np.mean(self.hours <= self.known_hours))
 
     @property
     def missed(self) -> float:
-        """Part of the flights that do not arrive; 0 where they were too short to say."""
+        """[1] Fraction of the flights without arrival; 0 where the flight time was too short."""
         if not len(self.flown) or np.quantile(self.hours, NINETY[1]) > self.flown_hours:
             return 0.0
         return float(np.mean(~np.isfinite(self.flown)))
 
     @property
     def goto(self) -> str:
-        """As `twin forecast --goto` takes it."""
+        """Places as the text of `twin forecast --goto`."""
         return ";".join(f"{latitude:.4f},{longitude:.4f}" for latitude, longitude in self.places)
 
     def row(self) -> dict[str, object]:
-        """Cells of a table."""
+        """Row of the command's table."""
         told = self.describe()
         hours = "{:.1f} ({:.1f} to {:.1f})".format(told["hours"], *told["hours_90"])
         gain = (100 * part for part in (told["gain"], *told["gain_90"]))
@@ -130,18 +130,18 @@ class Route:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RoutePlan:
-    """The straight way and the best others; `best` is the one to take."""
+    """Straight path and the best others; `best` is the recommended one."""
 
     routes: tuple[Route, ...]
-    """The straight one first, then by mean time"""
+    """Straight path first, then by mean time"""
     best: Route
     speed: float
-    """[m/s] through the water, stays at the surface included"""
+    """[m/s] through the water, surface intervals included"""
     pitch_deg: float
     start: tuple[float, float]
     """Latitude, longitude [degree]"""
     order: tuple[int, ...]
-    """Vias as they were given, in the order of the ways"""
+    """Indices of the vias in the order in which the paths pass them"""
 
     def describe(self) -> dict[str, Any]:
         """JSON-able."""
@@ -154,7 +154,7 @@ class RoutePlan:
         }
 
     def verdict(self) -> str:
-        """Which way to take, and what is promised of it."""
+        """Recommended path with its least gain, in words."""
         told = self.best.describe()
         best, none = self.best, ""
         if best.arrives < 1.0 - OFTEN:
@@ -173,7 +173,7 @@ class RoutePlan:
         return f"take {best.name}: {said}"
 
     def geojson(self) -> dict[str, Any]:
-        """A FeatureCollection of lines."""
+        """GeoJSON FeatureCollection of the paths."""
         features = []
         for one in self.routes:
             line = [[east, north] for north, east in (self.start, *one.places)]
@@ -183,10 +183,10 @@ class RoutePlan:
 
 
 def polar(request: Request, aim: Waypoint, pitches: Sequence[float]) -> dict[float, float]:
-    """Speed over ground in still water [m/s] by pitch [degree], as the twin flies the mission.
+    """Horizontal speed in still water [m/s] by pitch [degree], from flights of the mission.
 
     Args:
-      aim: the request's segment; its last place is moved so far that nothing arrives.
+      aim: the request's segment; its last place is moved beyond the reach of the vehicle.
 
     Raises:
       MissionError: the vehicle can fly none of the pitches.
@@ -209,7 +209,7 @@ def polar(request: Request, aim: Waypoint, pitches: Sequence[float]) -> dict[flo
 
 
 def _places(metres: Array, origin: tuple[float, float]) -> list[tuple[float, float]]:
-    """Latitude, longitude [degree] of north, east [m] from an origin, (place, 2)."""
+    """Latitude, longitude [degree] of places north, east [m] of an origin, (place, 2)."""
     latitude, longitude = from_tangent_plane(metres[:, 0], metres[:, 1], *origin)
     return list(zip(latitude.tolist(), wrap_longitude(longitude).tolist(), strict=True))
 
@@ -233,19 +233,19 @@ def plan_routes(
     fly_them: bool = True,
     say: Callable[[str], object] = lambda _: None,
 ) -> RoutePlan:
-    """The best ways to the place of a request's mission.
+    """Find the fastest paths to the place of a request's mission.
 
     Args:
       request: start, mission to one place, field and its error; hours are not used.
       vias: latitude, longitude [degree] of places to pass, in any order.
       avoided: polygons of latitude, longitude [degree].
-      pitch_deg: of the dives; None: the fastest one.
-      fly_them: whether the twin flies the best three.
-      say: called with a word on what is being done.
+      pitch_deg: pitch of the dives; None: the fastest of `PITCHES`.
+      fly_them: True if the twin flies the best three and the straight path.
+      say: called with the name of each step.
 
     Raises:
       InputError: the current is not known there, a place lies in a polygon, too many vias.
-      CurrentError: the field does not last.
+      CurrentError: the field ends too early.
     """
     if len(vias) > MOST_VIAS:
         raise InputError(f"--via has {len(vias)} places; at most {MOST_VIAS} can be put in order")
@@ -271,7 +271,7 @@ def plan_routes(
     def stops_in(order: Sequence[int]) -> Array:
         return points[[0, *(1 + k for k in order), len(points) - 1]]
 
-    order = min(  # whose straight legs take least in the mean of all draws
+    order = min(  # of least mean time along straight legs
         itertools.permutations(range(len(vias))),
         key=lambda order: float(way_times(water, stops_in(order), speed).mean()),
     )
@@ -298,7 +298,7 @@ def plan_routes(
     if fly_them:
         say("flights")
         longest = LATE * max(float(np.quantile(one.hours, NINETY[1])) for one in routes)
-        beyond = (request.flown - request.horizon) / HOUR  # members fly on for so long
+        beyond = (request.flown - request.horizon) / HOUR  # extra time for late members
         longest = max(min(longest, LONGEST_HOURS, judge.lasts / HOUR - beyond), 1.0)
         asked = dataclasses.replace(request, hours=longest)
         missions = [_aimed(asked.mission, aim, one.places, pitch) for one in routes]
@@ -310,7 +310,7 @@ def plan_routes(
 
 
 def _flown(route: Route, mission: Mission, asked: Request, known: Known) -> Route:
-    """Route with the times of the members that the twin flies along it."""
+    """Fly the members along a route and add their times."""
     members = members_of(dataclasses.replace(asked, mission=mission), known)
     place = asked.place
     last = to_tangent_plane(*route.places[-1], place.latitude_deg, place.longitude_deg)
@@ -325,20 +325,20 @@ def _flown(route: Route, mission: Mission, asked: Request, known: Known) -> Rout
 def timed_ways(
     judge: RouteWater, stops: Array, ways: Sequence[Array], speed: float, avoided: Sequence[Array]
 ) -> list[tuple[Array, Array]]:
-    """Times [s], (draw,), and corners, (corner, 2), of the straight way through stops and then of
-    the best others, by mean time; those that must not be taken are left out."""
+    """Times [s], (draw,), and corners, (corner, 2), of the straight path through stops, then of the
+    best others by mean time; without forbidden paths."""
     timed = [(way_times(judge, way, speed, avoided), way) for way in (stops, *ways)]
     others = sorted(timed[1:], key=lambda one: float(one[0].mean()))
     return [one for one in (timed[0], *others[:BEST]) if float(one[0].mean()) < BARRED]
 
 
 def chosen(straight: Array, times: Sequence[Array]) -> int:
-    """Index of the way to take: the fastest in the mean of those that are seldom slower than the
-    straight one, or of all where each is often slower.
+    """Index of the recommended path: least mean time of the paths that are seldom slower than the
+    straight one; of all paths where each is often slower.
 
     Args:
-      straight: [s] of the straight way, whether or not it may be taken, (draw,).
-      times: [s] of the ways, each (draw,).
+      straight: [s] times of the straight path, allowed or not, (draw,).
+      times: [s] times of the paths, each (draw,).
     """
     safe = [k for k, one in enumerate(times) if np.mean(one > SLOWER * straight) <= SELDOM]
     return min(safe or range(len(times)), key=lambda k: float(times[k].mean()))
@@ -347,15 +347,15 @@ def chosen(straight: Array, times: Sequence[Array]) -> int:
 def route_water(
     request: Request, known: Known, points: Array, hours: float, rng: np.random.Generator
 ) -> RouteWater:
-    """The water around places.
+    """Samples of the water around places.
 
     Args:
-      request: with the field, the mission whose depths count, and how many members.
-      known: what the logs told; used where there is no field.
+      request: with the field, the mission's depths, and the number of members.
+      known: state by the logs, used where there is no field.
       points: [m] north, east of start, targets and vias, (point, 2). hours: [h] to cover.
 
     Raises:
-      InputError: nothing is known of the current, or not at one of the places.
+      InputError: the current is not known at all, or not at one of the places.
       CurrentError: the field does not cover the time.
     """
     if request.field is None and not known.legs:
@@ -392,14 +392,14 @@ def route_water(
 
 
 def _covered(field: Current, seconds: float, request: Request) -> tuple[Array, Array]:
-    """[m] south-west and north-east corner of what files of the field hold."""
+    """[m] South-west and north-east corner of the region that the files of a field cover."""
     low, high = np.full(2, -np.inf), np.full(2, np.inf)
     place = request.place
     origin = place.latitude_deg, place.longitude_deg
     for part in getattr(field, "parts", (field,)):
         box = part.load(seconds, place)[0] if isinstance(part, Grid) else None
         if box is None or not np.isfinite(box.latitude).all():
-            continue  # one column of water stands for everywhere
+            continue  # a file of one column holds everywhere
         south_west, north_east = (
             to_tangent_plane(float(box.latitude[k]), float(box.longitude[k]) + origin[1], *origin)
             for k in (0, -1)
@@ -409,7 +409,7 @@ def _covered(field: Current, seconds: float, request: Request) -> tuple[Array, A
 
 
 def _mean(field: Current, request: Request, times: Array, north: Array, east: Array) -> Array:
-    """[m/s] mean over the depths of the dives, (time, north, east, 2)."""
+    """[m/s] Mean of a field over the depths of the dives, (time, north, east, 2)."""
     depths = np.linspace(0.0, max(request.deepest, 1.0), LEVELS)
     program = field.compile(float(times[-1]), request.place)
     grid = np.meshgrid(times, north, east, depths, indexing="ij")

@@ -1,8 +1,8 @@
-"""Forecast: the next surfacings of a glider, from members flown in what is known.
+"""Surfacing forecast: the next surfacings of a glider by flown members, and its boxes for notices.
 
-Authorities ask between which parallels and meridians a glider stays for twelve hours. Such a box's
-edges are the outermost of all members, rounded outward: one more member would leave one of the four
-sides with a probability of 4 / (members + 1) at most.
+A notice to authorities names parallels and meridians between which a glider stays for twelve hours.
+The edges of such a box are the outermost of all members, rounded outward. One more member would
+cross one of the four edges with a probability of 4 / (members + 1) at most.
 """
 
 from __future__ import annotations
@@ -44,37 +44,37 @@ KWH = 3.6e6
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Forecast:
-    """What the members that have been flown say; the last one of a forecast is of all."""
+    """Forecast by the members flown so far; the last one of a request is of all members."""
 
     request: Request
     surfacings: tuple[Surfacing, ...]
     flown: int
-    """Members so far."""
+    """Number of members flown so far."""
     failed: int
-    """Members that left the finite numbers."""
+    """Number of members whose flight became unstable."""
     track: Array
     """Longitude, latitude [degree] of the first member, the mean of what is known, (point, 2)."""
     spread: dict[str, str]
-    """What was drawn, in words."""
+    """Sampled quantities and their standard deviations, in words."""
     power_w: float
-    """Mean electrical power."""
+    """Mean electrical power of the members."""
     ways: tuple[tuple[Array, Array], ...]
-    """Of each member its times [s] after the start, and north, east [m] then, (point, 2)."""
+    """Track of each member: times [s] after the start, and north, east [m], (point, 2)."""
     left_out: str = ""
-    """Why a surfacing within the hours is not told; empty: none is left out."""
+    """Reason why a surfacing within the hours is not reported; empty: none is left out."""
     over_s: float | None = None
-    """[s] after the start at which the mission is over, in the median; None: it goes on."""
+    """[s] Median time after the start at which the mission is over; None: it goes on."""
     beside_mujoco: EndsApart | None = None
-    """Of the first member, where lanes flew it; None before all have been flown."""
+    """Difference between lanes and MuJoCo for the first member; None until all are flown."""
 
     @property
     def complete(self) -> bool:
-        """Whether all members have been flown."""
+        """True once all members have been flown."""
         return self.flown + self.failed == self.request.members
 
     @property
     def remarks(self) -> list[str]:
-        """What to know of the surfacings that are told and of those that are not."""
+        """Warnings about a surfacing that is left out and a mission that ends early."""
         said = [self.left_out] if self.left_out else []
         if self.over_s is not None:
             said.append(
@@ -87,7 +87,7 @@ class Forecast:
 
     @property
     def bounds_known(self) -> str:
-        """How well the members tell the bounds of the times; empty where there are none."""
+        """Standard deviation of the bounds of the times, in words; empty without surfacings."""
         if not self.surfacings or self.flown < 2:
             return ""
         off = ", ".join(f"{one.bound_s / MINUTE:.0f}" for one in self.surfacings)
@@ -98,31 +98,31 @@ class Forecast:
 
     @property
     def days_left(self) -> float | None:
-        """[d] that the batteries last at this power; None where their energy is not given."""
+        """[d] Time until the batteries are empty at this power; None without their energy."""
         if self.request.energy_left_kwh is None or self.power_w <= 0.0:
             return None
         return self.request.energy_left_kwh * KWH / self.power_w / DAY
 
     @property
     def energy_per_day(self) -> str:
-        """In words, in kJ as the surfacings' and in kW h as what is left."""
+        """Energy per day in words, in kJ and in kW h."""
         return f"{self.power_w * DAY / KILO:.0f} kJ ({self.power_w * DAY / KWH:.2f} kWh)"
 
     @property
     def begins(self) -> datetime.datetime:
-        """UTC."""
+        """Time of the start, UTC."""
         return datetime.datetime.fromisoformat(str(self.request.place.time))
 
     def moment(self, seconds: float) -> str:
-        """UTC at `seconds` after the start, ISO 8601 to the second."""
+        """Time `seconds` after the start, UTC, ISO 8601 to the second."""
         return (self.begins + datetime.timedelta(seconds=round(seconds))).isoformat()
 
     def minute(self, seconds: float) -> str:
-        """UTC at `seconds` after the start as people read it, such as 2023-09-20 06:31."""
+        """Time `seconds` after the start, UTC, for people, such as 2023-09-20 06:31."""
         return utc_minute(unix_seconds(str(self.request.place.time)) + round(seconds))
 
     def bounds(self, one: Surfacing) -> str:
-        """Between which times 90 of 100 surfacings come, UTC, with a day that is another one."""
+        """Times, UTC, between which 90 % of the members surface, with the day if it differs."""
         begin = unix_seconds(str(self.request.place.time))
         times = (utc_clock(begin + at, begin + one.time_s) for at in (one.early_s, one.late_s))
         return " to ".join(times)
@@ -139,7 +139,7 @@ class Forecast:
         return degrees(np.array(points).reshape(-1, 2), place)
 
     def describe(self) -> dict[str, Any]:
-        """JSON-able."""
+        """Figures as `--json` prints them."""
         request, place, beside = self.request, self.request.place, self.beside_mujoco
         same = ("flown", "failed", "spread", "left_out", "over_s", "remarks", "bounds_known")
         return {
@@ -168,7 +168,7 @@ class Forecast:
         }
 
     def geojson(self) -> dict[str, Any]:
-        """A FeatureCollection (RFC 7946): surfacings, their ellipses, track, targets."""
+        """GeoJSON FeatureCollection (RFC 7946) of surfacings, ellipses, track and targets."""
         features = [feature("LineString", self.track.tolist(), {"what": "track of the mean"})]
         features += [
             feature("Point", target, {"what": "target", "number": k})
@@ -186,13 +186,13 @@ class Forecast:
 
 
 def feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
-    """A GeoJSON feature (RFC 7946)."""
+    """GeoJSON feature (RFC 7946)."""
     shape = {"type": kind, "coordinates": coordinates}
     return {"type": "Feature", "geometry": shape, "properties": properties}
 
 
 def collection(features: list[dict[str, Any]]) -> dict[str, Any]:
-    """A GeoJSON FeatureCollection."""
+    """GeoJSON FeatureCollection."""
     return {"type": "FeatureCollection", "features": features}
 
 
@@ -203,16 +203,16 @@ def forecast(
     threads: int = 0,
     refined: Callable[[Forecast], object] = lambda found: None,
 ) -> Forecast:
-    """Fly the members and tell the surfacings.
+    """Fly the members and forecast the surfacings.
 
     Args:
-      known: the current filter at the start's time.
-      threads: of the fleets; 0 takes every core.
-      refined: called with the forecast so far, first of the mean alone, then after each fleet.
+      known: state at the time of the start (`begun`).
+      threads: number of threads of the fleets; 0 takes every core.
+      refined: called with the forecast so far, first of the first member, then after each fleet.
 
     Raises:
-      InputError and its kinds: nothing of it can be flown.
-      TwinError: no member stayed within the finite numbers.
+      InputError and its kinds: the request cannot be flown.
+      TwinError: the flights of all members became unstable.
     """
     members = members_of(request, known)
     flights: list[MemberFlight] = []
@@ -258,15 +258,15 @@ def forecast(
 
 HOURS = 12.0
 MINUTES = 60.0
-"""In a degree"""
+"""Minutes in a degree"""
 TENTH = 10.0
-"""Parts of a minute that edges are rounded to: 185 m along a meridian"""
+"""Edges are rounded to 1/10 of a minute: 185 m along a meridian"""
 MOMENT = "%Y-%m-%d %H:%M"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class NoticeBox:
-    """One box, in degrees; `west` is above `east` where it lies across the date line."""
+    """Box of one notice, in degrees; across the date line `west` is greater than `east`."""
 
     begin: datetime.datetime
     """UTC"""
@@ -276,10 +276,10 @@ class NoticeBox:
     west: float
     east: float
     holds: float
-    """Least probability that the whole way lies inside"""
+    """[1] Least probability that the whole track lies inside"""
 
     def text(self) -> str:
-        """One line, in degrees and minutes."""
+        """Text of one line, in degrees and minutes."""
         south, north = (_angle(value, "NS", 2) for value in (self.south, self.north))
         west, east = (_angle(value, "EW", 3) for value in (self.west, self.east))
         return (
@@ -288,7 +288,7 @@ class NoticeBox:
         )
 
     def feature(self) -> dict[str, Any]:
-        """A GeoJSON feature; its longitudes go on across the date line."""
+        """GeoJSON feature; longitudes do not wrap at the date line."""
         west, east = self.west, self.east + (360.0 if self.east < self.west else 0.0)
         south, north = self.south, self.north
         ring = [[west, south], [east, south], [east, north], [west, north], [west, south]]
@@ -298,10 +298,10 @@ class NoticeBox:
 
 
 def notice_boxes(found: Forecast, hours: float = HOURS) -> list[NoticeBox]:
-    """Boxes one after the other, to the end of a forecast's hours or of its members' plan.
+    """Boxes in order of time, to the horizon or to the median end of the members' flights.
 
     Args:
-      found: of all members. hours: [h] of each box.
+      found: forecast of all members. hours: [h] duration of each box.
     """
     ways = [(time, degrees(way, found.request.place)) for time, way in found.ways]
     last = min(found.request.horizon, float(np.median([time[-1] for time, _ in ways])))
@@ -332,7 +332,7 @@ def notice_boxes(found: Forecast, hours: float = HOURS) -> list[NoticeBox]:
 
 
 def boxes_text(boxes: Sequence[NoticeBox], title: str) -> str:
-    """Lines for a message."""
+    """Text of all boxes, for a message."""
     if not boxes:
         return f"{title}: no forecast, so no boxes\n"
     which = "these boxes" if len(boxes) > 1 else "this box"

@@ -1,16 +1,16 @@
-"""Walk: each surfacing of a deployment forecast from what was known before its dive.
+"""Walk: forecasts of each surfacing of a deployment, from the data before its dive.
 
-At the fix before a dive are known: all dives so far with their currents, the waypoints of the dive
-(those that its log commands, in their order: what a pilot has loaded; how far along them it will
-come is not known), the current that the vehicle reckons with, and where there is one the forecast
-field. Two things are forecast.
+At the fix before a dive a pilot knows all dives so far with their currents, the dive's list of
+waypoints (those that its log commands, in order), the current that the vehicle reckons with, and
+the forecast field, if there is one. How many waypoints the dive will reach is not known. Each dive
+gets two forecasts.
 
-- The surfacing: the duration that the schedule expects, times the way through the water and
-  the current that their pools expect. Rivals go at the speed of the last three dives toward the
-  first waypoint, for the median duration of the last three, each with a current of its own.
-- The current: the way through the water and the duration are given, the same for every method.
+- Surfacing: expected duration times the sum of expected velocity through the water and expected
+  current. Rivals go at the speed of the last three dives toward the first waypoint, for the median
+  duration of the last three; each rival has its own current.
+- Current: velocity through the water and duration are given, the same for every method.
 
-Nothing is frozen: pools, filter and ellipses learn at every fix.
+Pools, filter and ellipses learn at every fix. `hindcast` and `known_from_logs` use the walk.
 """
 
 from __future__ import annotations
@@ -40,50 +40,50 @@ from twin.numbers import Array
 
 Pair = tuple[float, float]
 FieldMean = Callable[[LoggedLeg, LoggedLeg, Array, float], Pair]
-"""North, east [m/s] that a field foretells, mean over a dive: by the leg for its begin, a leg for
-its depths, the way through the water [m] and the duration [s]"""
+"""Mean current north, east [m/s] that a field forecasts for a dive. Arguments: leg that gives the
+begin, leg that gives the depths, displacement through the water [m], duration [s]"""
 
 MembersFlown = Callable[
     [Sequence[LoggedLeg], LoggedLeg, CurrentPool, WayPool, float, Pair],
     tuple[Array, Array] | None,
 ]
-"""Mean [m] and covariance [m2] of where members come up (`MemberFlights.expect`)"""
+"""Mean [m] and covariance [m2] of the members' surfacings (`MemberFlights.expect`)"""
 
 HOUR = 3600.0
 """[s]"""
 CHI_SQUARED = chi_squared(0.5), chi_squared(0.9)
 RIVAL_DAYS = 5.0
-"""[d] of the rival that fits mean and tide"""
+"""[d] Length of the record that the rival `tide` fits"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Priors:
-    """What is believed before the first dive; the shipped values hold over deployments."""
+    """Priors before the first dive; the defaults were learned over several deployments."""
 
     current: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: CURRENT_PRIORS)
     way: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: WAY_PRIORS)
     schedule: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: SCHEDULE_PRIORS)
     surfacing_reach: Pair = (0.81, 4.8)
-    """[1] squared distances within which the two ellipses of a surfacing lie"""
+    """[1] squared Mahalanobis radii of the 50 and 90 % ellipses of a surfacing"""
     current_reach: Pair = (0.69, 3.1)
-    """[1] of a current"""
+    """[1] squared Mahalanobis radii of the 50 and 90 % ellipses of a current"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Judged:
-    """A forecast beside what was found, and its rivals."""
+    """Errors of a forecast and of its rivals at one fix."""
 
     hours: float
-    """[h] that the dive lasted"""
+    """[h] duration of the dive"""
     missed: dict[str, Pair]
-    """North, east [m] by method: the fix less where each had it"""
+    """North, east [m] by method: the fix less the forecast place"""
     covariance: Array
-    """[m2] of the forecast, (2, 2)"""
+    """[m2] covariance of the forecast, (2, 2)"""
     reach: Pair
-    """[1] squared distances within which the ellipses of 50 and 90 % lie"""
+    """[1] squared Mahalanobis radii of the 50 and 90 % ellipses"""
 
     def error(self, method: str) -> float:
-        """[m/h] distance by which a method missed, by the time; NaN where it said nothing."""
+        """[m/h] distance between fix and forecast over the dive's duration; NaN without one."""
         if method not in self.missed:
             return float("nan")
         return float(np.hypot(*self.missed[method])) / self.hours
@@ -96,55 +96,55 @@ class Judged:
 
     @property
     def held(self) -> tuple[bool, bool]:
-        """Whether the ellipses of 50 and 90 % held the fix."""
+        """True for each of the 50 and 90 % ellipses that contains the fix."""
         return self.distance <= self.reach[0], self.distance <= self.reach[1]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class HindcastSurfacing:
-    """One surfacing, forecast and found."""
+    """Forecasts of one surfacing beside its fix."""
 
     mission: int
     """Row in the store."""
     time: float
     """[s] unix"""
     scored: bool
-    """False in the part that only teaches"""
+    """False for the first legs, which only teach the models"""
     places: dict[str, Pair]
-    """Latitude, longitude [degree]: `begin`, `fix`, and where each method has the surfacing"""
+    """Latitude, longitude [degree] of `begin`, of `fix`, and of each method's forecast"""
     surfacing: Judged
     current: Judged
     found: Pair
-    """North, east [m/s] of the current, mean over the dive"""
+    """North, east [m/s] of the observed current, mean over the dive"""
     expected: Pair
-    """The same as it was forecast"""
+    """North, east [m/s] of the forecast current, mean over the dive"""
     members: Judged | None = None
-    """Where it surfaced, the forecast by members flown; None where none were"""
+    """Errors of the surfacing forecast by flown members; None where no members were flown"""
 
     @property
     def hours(self) -> float:
-        """[h] since the fix before"""
+        """[h] between the two fixes."""
         return self.surfacing.hours
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Walked:
-    """A deployment walked through."""
+    """Forecasts of all surfacings of a deployment, and the models after its last dive."""
 
     surfacings: tuple[HindcastSurfacing, ...]
     """One for each leg but the first"""
     weights: dict[str, dict[str, float]]
-    """[1] mean part of each model in explaining the dives, by pool: current, way, schedule"""
+    """[1] mean posterior weight of each model over the dives, by pool: current, way, schedule"""
     pool: CurrentPool
-    """Of the current, after the last dive"""
+    """Models of the current, after the last dive"""
     ways: WayPool
-    """After the last dive"""
+    """Models of the velocity through the water, after the last dive"""
     schedule: SurfacingSchedule
-    """As it was known when the last dive began"""
+    """Models of the duration, as known when the last dive began"""
     rhythm: Rhythm | None
-    """Stays at the surface and durations; None where the dives are too few"""
+    """Surface intervals and durations; None where the dives are too few"""
     reach: Pair
-    """[1] squared distances within which the two ellipses of the next surfacing lie"""
+    """[1] squared Mahalanobis radii of the next surfacing's 50 and 90 % ellipses"""
 
 
 def walk(
@@ -156,15 +156,15 @@ def walk(
     field: FieldMean | None = None,
     flown: MembersFlown | None = None,
 ) -> Walked:
-    """Forecast every leg's end.
+    """Forecast the end of every leg but the first, then learn from its fix.
 
     Args:
       legs: of one deployment, in order of time, at least one.
-      dives: all that are known, those without a known way, too, in order of time; by default the
-        legs'.
-      train: legs at the beginning that are not scored.
-      priors: what is believed before the first.
-      field: what a forecast field foretells of each leg.
+      dives: begin and end of all known dives in order of time, those without a known displacement
+        through the water too; by default those of the legs.
+      train: number of legs at the beginning that are not scored.
+      priors: of the models, before the first leg; None takes the shipped ones.
+      field: gives the current that a forecast field has for a leg.
       flown: flies members of each scored leg too.
     """
     priors = priors or Priors()
@@ -197,7 +197,7 @@ def walk(
                 members = flown(legs[:k], one, pool, ways, duration, judged.surfacing.reach)
             if members is not None:
                 mean, covariance = members
-                # the members know no other duration than the one that is expected
+                # every member flies the expected duration: the duration's error is added here
                 late = lasts.covariance[0, 0] * np.outer(mean, mean) / duration**2
                 missed = {"forecast": pair(np.array(one.leg.over_ground) - mean)}
                 by_members = dataclasses.replace(
@@ -238,7 +238,7 @@ def _judge(
     reaches: tuple[Reaches, Reaches],
     field: FieldMean | None,
 ) -> HindcastSurfacing:
-    """One surfacing, forecast by what the dives before have taught."""
+    """Forecast one surfacing by all methods from the dives before, and take its errors."""
     pool, ways = known
     duration = middle(lasts)
     through = ways.expect(one, duration)
@@ -254,7 +254,7 @@ def _judge(
     mixed = pool.expect(leg)
 
     def rivals(over: Leg) -> dict[str, Array]:
-        """[m/s] current of each rival, mean over a leg."""
+        """Mean current [m/s] of each rival over a leg."""
         tide = tidal_fit(legs, over, RIVAL_DAYS)
         return {"persistence": legs[-1].current, "tide": tide, "no_current": np.zeros(2)}
 
@@ -293,50 +293,50 @@ def _judge(
 
 
 def _leg_ahead(leg: Leg, duration: float, through: Array) -> Leg:
-    """Leg as it is expected: nothing of it but its start is known."""
+    """Leg of an expected duration [s] and displacement through the water [m], its end unknown."""
     unknown = (math.nan, math.nan)
     return Leg(start=leg.start, duration=duration, over_ground=unknown, through_water=pair(through))
 
 
 METHODS = ("forecast", "persistence", "tide", "no_current", "onboard")
 RESAMPLED, BLOCK, SEED = 2000, 6, 1
-"""Bootstrap samples, surfacings in a block (about a day: errors of neighbours are alike, Kunsch
-1989, Ann. Stat. 17), and the seed"""
+"""Number of bootstrap samples, surfacings in a block (about a day, since errors of neighbours
+correlate: Kunsch 1989, Ann. Stat. 17), and the seed"""
 LEAST_BLOCKS, LEAST_SEGMENTS = 5, 12
-"""Blocks of a deployment, which are shorter where it is short, and surfacings below which there are
-no intervals: those resampled from fewer are too narrow"""
+"""Least number of blocks, for which a short deployment has shorter ones, and least number of
+surfacings with an interval: intervals resampled from fewer are too narrow"""
 INTERVAL = (2.5, 97.5)
-"""[%]"""
+"""[%] Percentiles of a 95 % interval"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Scores:
-    """Errors of some surfacings by method [m/h]; None where nothing could be scored."""
+    """Errors [m/h] of scored surfacings by method; None where nothing could be scored."""
 
     segments: int
-    """Surfacings scored"""
+    """Number of scored surfacings"""
     segments_of: dict[str, int]
-    """Of these, the surfacings that a method says anything of: its figures are of them alone"""
+    """Number of scored surfacings that each method forecast: its mean and median are over these"""
     mean: dict[str, float | None]
     median: dict[str, float | None]
     rival: str | None
-    """The method beside the forecast with the smallest mean, of those that say something of every
-    surfacing"""
+    """Best rival: the method with the smallest mean of those, beside the forecast, that forecast
+    every surfacing"""
     ratio: float | None
-    """[1] mean of the forecast by that of the rival"""
+    """[1] mean error of the forecast over that of the rival"""
     ratio_interval: tuple[float, float] | None
-    """[1] 95 % bootstrap interval of that; None of fewer than `LEAST_SEGMENTS`"""
+    """[1] 95 % bootstrap interval of the ratio; None below `LEAST_SEGMENTS` surfacings"""
     coverage_50: float | None
-    """[1] part of the fixes within the 50 % ellipse"""
+    """[1] fraction of the fixes within the 50 % ellipse"""
     coverage_90: float | None
 
     @property
     def partial(self) -> tuple[str, ...]:
-        """Methods that say something of some surfacings only."""
+        """Methods that forecast some of the surfacings, and not all."""
         return tuple(n for n, count in self.segments_of.items() if 0 < count < self.segments)
 
     def describe(self) -> dict[str, object]:
-        """The figures with their units in the names."""
+        """Figures as `--json` prints them, with units in the names."""
         return {
             "segments": self.segments,
             "mean_m_per_h": self.mean,
@@ -347,10 +347,10 @@ class Scores:
 
 
 def scores_of(deployments: Sequence[Sequence[Judged]]) -> Scores:
-    """The scores of some deployments together.
+    """Scores of several deployments together.
 
     Args:
-      deployments: what was scored of each; blocks of the bootstrap stay within one.
+      deployments: scored surfacings of each; a block of the bootstrap lies within one deployment.
     """
     every = [one for run in deployments for one in run]
     errors = {name: np.array([one.error(name) for one in every]) for name in METHODS}
@@ -387,12 +387,12 @@ def bootstrap(
     figure: Callable[[NDArray[np.intp]], float],
     interval: tuple[float, float] = INTERVAL,
 ) -> tuple[float, float]:
-    """Interval of a figure, resampled in blocks of neighbours, each deployment as long as it is.
+    """Bootstrap interval of a figure, by blocks of neighbours within each deployment.
 
     Args:
-      counts: surfacings of each deployment, one after the other.
-      figure: of the surfacings at some indices.
-      interval: [%] its two percentiles.
+      counts: number of surfacings of each deployment, which follow each other.
+      figure: function of the resampled surfacings' indices.
+      interval: [%] the two percentiles.
     """
     rng = np.random.default_rng(SEED)
     found = []

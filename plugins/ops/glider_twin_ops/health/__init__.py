@@ -1,4 +1,4 @@
-"""Health: is something wrong with a vehicle, what, since when, and how sure.
+"""Health: whether a vehicle has a fault, which one, since which dive, and how probable it is.
 
     for one in assess("real.zarr", vehicle="mine.xml"):
         print(one.verdict())

@@ -1,4 +1,4 @@
-"""Answers: compass, drag, pump and energy of one deployment, each with its deviation.
+"""Answers: compass, drag, pump and energy of one deployment, with standard deviations.
 
     said = answer_for("real.zarr", "unit334", load_vehicle("mine.xml"))
     said.drag["value"], said.compass["iron_deg"], said.pump, said.energy
@@ -6,15 +6,14 @@
     found = follow_parameters(load_logs("real.zarr"), load_calibration("mine.xml"))
     found.value("drag"), found.deviation("drag")          # after each dive, (dives,)
 
-Drag and compass are beliefs, the energy by device is `twin energy`'s, and the pump is what its own
-strokes show.
+Drag and compass are state estimates, energy by device is that of `twin energy`, and rate and power
+of the pump come from its strokes.
 
-Beliefs are a recursion of `twin identify`: each dive's part of its residuals and Jacobian
-(`DepthRates`) updates a Gaussian belief that begins at the vehicle file's values and spreads, and
-whose parameters are random walks from dive to dive. Without walks the last belief is the fit to all
-dives together. The residuals are linear about one calibration; it is moved to the fit without walks
-and the dives are looked at once more. Looking back, each dive's belief is smoothed by those after
-it (Rauch, Tung and Striebel, AIAA Journal 3, 1965).
+A state estimate is a recursion of `twin identify`. It begins at the vehicle file's values with the
+parameters' standard deviations; each dive's residuals and Jacobian (`DepthRates`) update it, and
+parameters walk at random from dive to dive. Without walks, the last estimate is the fit to all
+dives. Residuals are linearised at the fit without walks. Smoothing adds the later dives to each
+dive's estimate (Rauch, Tung and Striebel, AIAA Journal 3, 1965).
 """
 
 from __future__ import annotations
@@ -50,18 +49,17 @@ from twin.records.attributes import DIVE
 from twin.records.storage import StorePath
 
 FOLLOWED = ("neutral_density", "drag")
-"""Parameters that are followed where the caller names none: those that every glide tells"""
+"""Parameters that are followed by default, since every glide observes them"""
 WALK, LEARNING = 0.01, 8
-"""Change from dive to dive, over the parameter's spread, before the dives say: water and growth;
-and dives at the beginning that say how much larger walks and noise are; a later fault does not"""
+"""Prior random walk from dive to dive, over the parameter's spread, by water and growth; and number
+of first dives that scale walk and noise, so that a later fault does not"""
 FACTORS = np.exp(np.arange(-2.5, 2.6, 0.5))
-"""that are tried, of the walks and of the deviation of what a dive says; the logarithm of each is
-about one either way before the dives say"""
+"""Factors tried on the walks and on the noise of a dive; the prior of each logarithm is a unit
+normal"""
 PASSES = 2
-"""Fits to all dives between which weights are taken again; the last one's place is where the
-residuals are linear about"""
+"""Fits to all dives, with new weights each; residuals are linearised at the last"""
 ENDS: dict[str, Any] = {"max_nfev": 8, "xtol": 1e-3, "ftol": 1e-4}
-"""Ends of its search: offsets are in spreads"""
+"""Stopping rules of the fit; offsets are in spreads"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,18 +68,18 @@ class Beliefs:
 
     parameters: tuple[UnknownParameter, ...]
     nominal: tuple[float, ...]
-    """Values of the calibration that the offsets count from"""
+    """Values of the calibration, at which offsets are 0"""
     rows: tuple[int, ...]
-    """of the store, of the dives that were used"""
+    """Rows of the store of the dives that were used"""
     offset: Array
-    """in spreads from the nominal value, (dives, parameters)"""
+    """Offset from the nominal value in spreads, (dives, parameters)"""
     covariance: Array
-    """of the offsets, (dives, parameters, parameters)"""
+    """Covariance of the offsets, (dives, parameters, parameters)"""
     innovation: Array
-    """How far a dive alone is from what was believed before it, over the deviation, by its own
-    directions, (dives, parameters); NaN where it tells none"""
+    """Difference of a dive from the estimate before it, over its standard deviation, along the
+    dive's own directions, (dives, parameters); NaN where unobserved"""
     smoothed: Array
-    """offsets by all dives, (dives, parameters)"""
+    """Offsets by all dives, (dives, parameters)"""
     smoothed_covariance: Array
 
     def place(self, name: str) -> int:
@@ -98,7 +96,7 @@ class Beliefs:
         return np.array([self.parameters[k].value(self.nominal[k], float(x)) for x in offsets])
 
     def deviation(self, name: str, *, smoothed: bool = False) -> Array:
-        """Standard deviation of it, in its unit, (dives,)."""
+        """Standard deviation of a parameter after each dive, in its unit, (dives,)."""
         k = self.place(name)
         covariance = (self.smoothed_covariance if smoothed else self.covariance)[:, k, k]
         off, values = self.parameters[k].deviation, self.value(name, smoothed=smoothed)
@@ -113,15 +111,15 @@ def follow_parameters(
     walks: float | None = None,
     fixes: bool = True,
 ) -> Beliefs:
-    """Follow parameters over the dives of one vehicle, in their order.
+    """Estimate parameters dive after dive, for one vehicle.
 
     Args:
-      logs: the dives. calibration: where the beliefs begin, with the parameters' spreads; a neutral
-        density begins where the logs neither sink nor rise, since their sea may be another.
+      logs: dives in order. calibration: first estimate, with the parameters' spreads; a neutral
+        density begins where the logs neither sink nor rise, since their sea may differ.
       parameters: names of `twin.identify.unknowns`.
-      walks: change of each from dive to dive over the spread; default `WALK`, times a factor that
-        the first dives tell, as they tell how far dives are off.
-      fixes: compare the currents between fixes too, which tell of the compass.
+      walks: random walk of each from dive to dive over its spread; default `WALK`, scaled by the
+        first dives, as the noise of dives is.
+      fixes: use the currents between fixes too, which observe the compass.
 
     Raises:
       InputError: no dive, an unknown parameter, or a calibration that does not fly.
@@ -151,7 +149,7 @@ def follow_parameters(
 
 
 def _said(problem: DepthRates, about: Array) -> list[tuple[Array, Array]]:
-    """J^T J of each dive's residuals at some offsets, and J^T (J x - r), in independent ones."""
+    """J^T J and J^T (J x - r) of each dive's residuals at offsets x."""
     count = len(about)
     found = [(np.zeros((count, count)), np.zeros(count)) for _ in problem.logs]
     for one in problem.residuals(about).values():
@@ -167,7 +165,7 @@ def _said(problem: DepthRates, about: Array) -> list[tuple[Array, Array]]:
 def _scaled(
     said: list[tuple[Array, Array]], steps: Array
 ) -> tuple[list[tuple[Array, Array]], Array]:
-    """Information of the dives and steps of the random walk, scaled to the first innovations."""
+    """Scale the dives' information and the random walk to the first innovations."""
 
     def louder(noise: float) -> list[tuple[Array, Array]]:
         return [(matrix / noise**2, pulled / noise**2) for matrix, pulled in said]
@@ -184,8 +182,8 @@ def _scaled(
 def _filtered(
     said: Sequence[tuple[Array, Array]], steps: Array
 ) -> tuple[Array, Array, Array, float]:
-    """Offsets, covariances and innovations after each dive, and the logarithm of the innovations'
-    likelihood; the first belief is a unit normal."""
+    """Offsets, covariances and innovations after each dive, and the log likelihood of the
+    innovations; the first estimate is a unit normal."""
     count = len(steps)
     mean: Array = np.zeros(count)
     covariance: Array = np.eye(count)
@@ -222,7 +220,7 @@ def _innovation(
 
 
 def _smoothed(means: Array, covariances: Array, steps: Array) -> tuple[Array, Array]:
-    """Each belief by all dives."""
+    """Smooth each dive's estimate by the later dives."""
     found, after = means.copy(), covariances.copy()
     walk = np.diag(steps**2)
     for d in range(len(means) - 2, -1, -1):
@@ -234,41 +232,41 @@ def _smoothed(means: Array, covariances: Array, steps: Array) -> tuple[Array, Ar
 
 
 COMPASS = ("heading_offset", "heading_cos", "heading_sin", "heading_cos2", "heading_sin2")
-"""Beliefs that are a compass' deviation, as `Calibration.true_heading` adds them"""
+"""Parameters of the compass' deviation, as `Calibration.true_heading` adds them"""
 TOLD = 0.7
-"""Part of its spread that a belief's deviation must fall below for an answer"""
+"""Largest standard deviation of a parameter, over its spread, for an answer"""
 HEADINGS = np.arange(0.0, 360.0, 45.0)
-"""[degree] at which a compass' deviation is said"""
+"""[degree] Headings at which the compass' deviation is stated"""
 DEPTHS = (0.0, 10.0, 30.0, 100.0, 200.0, 400.0, 700.0, 1000.0, 6000.0)
-"""[m] between which a pump's strokes are counted together"""
+"""[m] Edges of the depths at which a pump's strokes are averaged"""
 LEAST_SAMPLES = 3
-"""of pumping that a depth needs"""
+"""Fewest samples of pumping in a range of depths"""
 DAY = 86400.0
-"""[s]"""
+"""[s] Seconds of a day"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Answers:
-    """What a deployment says of its vehicle beside faults; None where the log does not tell."""
+    """Answers of a deployment's log beside faults; None where the log lacks them."""
 
     beliefs: Beliefs | None
     dives: tuple[int, ...]
-    """Numbers of the dives of the beliefs"""
+    """Numbers of the dives of `beliefs`"""
     time: Array
-    """[s] unix, of their begins, (dives,)"""
+    """[s] Unix time of the begin of each of these dives, (dives,)"""
     compass: dict[str, Any] | None
-    """Deviation, true less compass [degree], by heading, and the iron that makes its one cycle"""
+    """True less compass heading [degree], by heading; and the one-cycle amplitude (iron)"""
     drag: dict[str, Any] | None
-    """K_D0 [kg/m] over the dives, and its change from the first to the last, looking back"""
+    """K_D0 [kg/m] over the dives, and its smoothed change from the first to the last"""
     pump: list[dict[str, float]] | None
-    """By depth: rate [cm3/s] and power [W] with the deviations of their means"""
+    """Rate [cm3/s] and power [W] by depth, with standard deviations of the means"""
     energy: dict[str, Any] | None
-    """Energy [kW h] and factor of each device"""
+    """Energy [kW h] and value of each device"""
     lacking: dict[str, str]
-    """Why the log does not tell: by answer"""
+    """Reason for each missing answer"""
 
     def describe(self) -> dict[str, object]:
-        """Plain values, as `--json` prints them."""
+        """Return plain values, as `--json` prints them."""
         kept = ("compass", "drag", "pump", "energy")
         return {name: getattr(self, name) for name in kept} | {"unanswered": self.lacking}
 
@@ -276,10 +274,10 @@ class Answers:
 def answer_for(
     store: str | StorePath, deployment: str, vehicle: str | Path | Vehicle | None = None
 ) -> Answers:
-    """Answer for one deployment of a store of logs.
+    """Compute the answers for one deployment of a store of logs.
 
     Args:
-      vehicle: that made it, as `glider_twin_ops.health.assess` takes it.
+      vehicle: vehicle that made it, as `glider_twin_ops.health.assess` takes it.
 
     Raises:
       StoreError: no store of logs.
@@ -340,7 +338,7 @@ def answer_for(
 
 
 def _compass(beliefs: Beliefs) -> dict[str, Any] | None:
-    """Deviation by heading after the last dive; None where no heading's is told."""
+    """Deviation by heading after the last dive; None where unobserved."""
     places = [beliefs.place(name) for name in COMPASS]
     spread = np.array([beliefs.parameters[k].spread for k in places])
     value = np.array([beliefs.value(name)[-1] for name in COMPASS])
@@ -367,7 +365,7 @@ def _compass(beliefs: Beliefs) -> dict[str, Any] | None:
 
 
 def _pump(logs: LogStore, rows: list[int]) -> list[dict[str, float]] | None:
-    """Rate and power of what is pumped out, by depth."""
+    """Rate and power of pumping out, by depth."""
     signals = ("depth", "pump", "pump_power", "voltage", "battery_current")
     names = [f"measured_{name}" for name in signals]
     if any(name not in logs for name in names[:2]):
@@ -401,7 +399,7 @@ def _pump(logs: LogStore, rows: list[int]) -> list[dict[str, float]] | None:
 
 
 def _energy(store: str | StorePath, rows: list[int], vehicle: Vehicle) -> dict[str, Any]:
-    """`twin energy` of the dives."""
+    """Energy of the dives by device, as `twin energy`."""
     used = energy_used(store, vehicle, missions=rows)
     devices = {
         one.name: {

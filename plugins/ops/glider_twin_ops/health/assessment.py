@@ -1,4 +1,4 @@
-"""Assessment: the health of every deployment of a store of logs.
+"""Assessment: health of every deployment of a store of logs.
 
 found = assess("real.zarr", vehicle="mine.xml")
 found[0].alarm, found[0].kind, found[0].since_dive
@@ -51,84 +51,84 @@ from twin.records import LogStore
 from twin.records.storage import StorePath
 
 LEAST_DIVES = FIRST + 2
-"""Dives below which nothing is judged: those that a fault needs before it, and two of an alarm"""
+"""Fewest dives that are judged: those before the earliest fault, and two for an alarm"""
 OFTEN = 6
-"""Dives that must tell a channel for it to tell faults apart"""
+"""Fewest dives with a channel for it to tell faults apart"""
 LEANING = 3.0
-"""[degree] of what turns a vehicle, in dives and in climbs, from which on it leans to one side"""
+"""[degree] Mean steering angle in dives and in climbs above which a remark names it"""
 MOST_ROWS, UNLIKELY = 5, 0.005
-"""Kinds of a table, the likeliest, and the probability below which one is not listed"""
+"""Most kinds of a table, and the probability below which a kind is not listed"""
 LOUD = 6.0
-"""Deviations off its level from which a channel of the last dive is told"""
+"""Standard deviations off its level above which a channel of the last dive is reported"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class KindVerdict:
-    """What the dives say of one kind of fault."""
+    """Verdict on one kind of fault."""
 
     kind: str
     says: str
     probability: float
     since_dive: int | None
-    """Number of the first dive with it, as the log counts; None where it is unlikely"""
+    """Number of the first faulty dive, as the log counts; None where the kind is unlikely"""
     size: float
-    """in `unit`"""
+    """Size in `unit`"""
     size_deviation: float
     unit: str
     dives: tuple[int, ...]
-    """Numbers of the dives to look at: those that speak for it most"""
+    """Numbers of the dives with the strongest evidence"""
     channels: tuple[str, ...]
-    """by which it shows"""
+    """Channels in which the fault shows"""
     also: tuple[str, ...]
-    """Other kinds that no channel of this log tells from it"""
+    """Other kinds that no channel of this log tells from this one"""
     otherwise: str
     find_out: str
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class DeploymentHealth:
-    """The health of one deployment."""
+    """Health of one deployment."""
 
     name: str
     days: float
-    """[d] from its first dive to its last"""
+    """[d] Time from the first dive to the last"""
     dives: tuple[int, ...]
-    """Numbers of its dives, as the log counts"""
+    """Numbers of the dives, as the log counts"""
     alarm: bool = False
     kind: str = NONE
-    """The most likely fault; none without an alarm"""
+    """Likeliest fault; none without an alarm"""
     since_dive: int | None = None
     noticed_dive: int | None = None
-    """The dive after which the alarm that stands was given"""
+    """Dive after which the standing alarm was given"""
     rang: tuple[tuple[int, int], ...] = ()
-    """First and last dive after which each alarm stood; one whose odds fell back has ended"""
+    """First and last dive after which each alarm stood"""
     probability: float = 0.0
-    """of that kind, or of a fault at all where there is no alarm"""
+    """Probability of `kind`, or of any fault where there is no alarm"""
     kinds: tuple[KindVerdict, ...] = ()
-    """every kind that the vehicle can have and the log can show: of an alarm the one it is of, then
-    those that show in what is far off its level in the last dive, then the likeliest"""
+    """Kinds that the vehicle can have and the log can show. The kind of an alarm comes first, then
+    kinds that show in channels far off their level in the last dive, then the likeliest"""
     evidence: Array
-    """log of the odds of a fault after each dive, see `Verdict`, (dives,)"""
+    """Log odds of a fault after each dive, see `Verdict`, (dives,)"""
     threshold: float
     levels: Levels
     values: Array
-    """of the channels, (dives, channels)"""
+    """Channels, (dives, channels)"""
     time: Array
-    """[s] unix, of the middle of each dive, (dives,)"""
+    """[s] Unix time of the middle of each dive, (dives,)"""
     lacking: tuple[str, ...]
-    """Channels that this log does not tell"""
+    """Channels that this log lacks"""
     remarks: tuple[str, ...]
-    """What is no fault and a pilot should know: what drove it, how it leans, what was changed"""
+    """Notes for the pilot that are no fault: thruster, steering angle, changed settings"""
     driven: tuple[int, ...] = ()
-    """Numbers of the dives that a thruster drove"""
+    """Numbers of the dives that a thruster propelled"""
 
     @property
     def judged(self) -> bool:
-        """Whether there were dives enough; without them the probability is 0."""
+        """True where there were enough dives; otherwise the probability is 0."""
         return bool(self.kinds)
 
     def describe(self) -> dict[str, object]:
-        """Plain values, as `--json` prints them."""
+        """Return plain values, as `--json` prints them."""
         same = ("name", "days", "alarm", "judged", "kind", "since_dive", "noticed_dive",
                 "probability")  # fmt: skip
         first = self.kinds[0] if self.alarm else None
@@ -144,7 +144,7 @@ class DeploymentHealth:
         }
 
     def likeliest(self) -> list[dict[str, object]]:
-        """Rows of a table: kinds that are not unlikely."""
+        """Rows of the table of kinds above `UNLIKELY`."""
         return [
             {
                 "fault": kind.kind,
@@ -161,7 +161,7 @@ class DeploymentHealth:
         ]
 
     def verdict(self) -> str:
-        """One line for a person."""
+        """Verdict in one line."""
         many = len(self.dives)
         if not self.judged:
             said = "1 dive is" if many == 1 else f"{many} dives are"
@@ -195,8 +195,8 @@ class DeploymentHealth:
 
 
 def loud_channels(levels: Levels) -> list[tuple[Channel, float]]:
-    """Channels that were `LOUD` deviations off their levels in the last dive, and by how many,
-    whatever the verdict says of it."""
+    """Channels more than `LOUD` standard deviations off their level in the last dive, with that
+    number, whatever the verdict."""
     if not len(levels.innovation):
         return []
     last = levels.innovation[-1].tolist()
@@ -214,12 +214,12 @@ def assess(
     """Judge every deployment of a store of logs.
 
     Args:
-      store: of logs, as `factory import` or `factory generate --preset faulty` writes it.
-      vehicle: that made them: what `twin identify` wrote, or a shipped name; default the one of the
-        log's kind.
-      false_alarm_days: [d] of sound vehicles in which one false alarm is borne.
-      deployments: names of those to judge, all by default.
-      advance: called once for each deployment that is done.
+      store: store of logs, as `factory import` or `factory generate --preset faulty` writes it.
+      vehicle: vehicle that made the logs: a file of `twin identify`, or a shipped name; default:
+        the shipped one of the log's kind.
+      false_alarm_days: [d] of sound vehicles in which one false alarm is accepted.
+      deployments: names of the deployments to judge, all by default.
+      advance: called after each deployment.
 
     Raises:
       StoreError: no store of logs. InputError: an unknown deployment, a rate that nobody can bear,
@@ -259,12 +259,12 @@ def judged(
     """Judge the channels of a deployment.
 
     Args:
-      numbers: of the dives, as the log counts. values: (dives, channels).
-      time: [s] unix, of the middles of the dives. ways: (dives, 2), see `dives_of`.
-      dive: that faults are flown in.
-      changes: see `changes_of`. powered: whether a thruster drove each dive.
-      wander: by how much more channels change than where the log tells all they depend on,
-        (channels,).
+      numbers: numbers of the dives, as the log counts. values: (dives, channels).
+      time: [s] unix, middles of the dives. ways: (dives, 2), see `dives_of`.
+      dive: usual dive, in which faults are flown.
+      changes: see `changes_of`. powered: True for dives that a thruster propelled.
+      wander: standard deviation of each channel's further step from dive to dive, where the log
+        lacks a signal that it depends on, (channels,).
     """
     many = len(values)
     told = np.isfinite(values).reshape(-1, len(CHANNELS))
@@ -333,7 +333,7 @@ def remarks_of(
     vehicle: Vehicle,
     loud: Sequence[tuple[Channel, float]] = (),
 ) -> tuple[str, ...]:
-    """What is no fault and explains a log, and channels far off, in whole sentences."""
+    """Sentences on what explains a log without a fault, and on channels far off their level."""
     found = []
     if driven := list(itertools.compress(numbers, powered)):
         found.append(
@@ -365,7 +365,7 @@ def remarks_of(
 
 
 def _dives(numbers: Sequence[int]) -> str:
-    """Numbers of dives as a person writes them: dives 3, 8 to 13."""
+    """Write numbers of dives in words: dives 3, 8 to 13."""
     breaks = np.flatnonzero(np.diff(numbers) != 1) + 1
     runs = [(run[0], run[-1]) for run in np.split(np.asarray(numbers), breaks)]
     words = [f"{a}" if a == b else f"{a} to {b}" for a, b in runs]
@@ -373,7 +373,7 @@ def _dives(numbers: Sequence[int]) -> str:
 
 
 def _over(one: Hypothesis) -> Array:
-    """[noise] by which a fault of its usual size shows in each channel, (channels,)."""
+    """Change of each channel by a fault of its usual size, in noises, (channels,)."""
     shown = np.nan_to_num(np.abs(np.atleast_2d(one.signature))).max(axis=0) * one.scale
     return np.asarray(shown / NOISE)
 
@@ -412,7 +412,7 @@ _SIGNATURES: dict[tuple[Any, ...], Signatures] = {}
 
 
 def flown_signatures(vehicle: Vehicle, dive: TypicalDive) -> Signatures:
-    """Signatures of a vehicle in a dive; what is flown is kept for the next deployment of it."""
+    """Signatures of a vehicle in a dive, kept for its next deployment."""
     key = (vehicle.xml, str(vehicle.changes()), dive, tuple(FAULTS.names()))
     if key not in _SIGNATURES:
         _SIGNATURES[key] = signatures_of(vehicle, dive)

@@ -1,13 +1,14 @@
-"""Channels: what one dive says of a vehicle's health, each a number that a sound vehicle repeats.
+"""Channels: numbers of one dive that a sound vehicle repeats from dive to dive.
 
-Channels are made so that what a pilot changes leaves them where they are: depth rates are beside a
-flight model's with the logged pitch, pump and density, the battery's place beside what the logged
-pitch needs, the pump's work beside that against the sea. `dive_channels` makes them of a log.
+A channel is a residual, so that a pilot's settings hardly move it. Sink rates are compared with a
+flight model that reads the logged pitch, pump and density. The battery's position is compared with
+the position that the logged pitch needs, and the pump's energy with its work against the sea.
+`dive_channels` computes channels from a log.
 
-Disturbances are no fault and move them all the same. Water whose current changes with depth pushes
-a vehicle sideways on its way through it, and it rolls or steers against that: by how much depends
-on its heading and on the tide, so that such channels step where a leg begins. A speed through the
-water that is off, a compass whose zero is off and the tide move the currents that fixes tell.
+Disturbances move channels without a fault. A current that changes with depth pushes the vehicle
+sideways; it rolls or steers against the push, by an amount that depends on its heading and on the
+tide. Roll and steering may therefore step where a leg begins. A wrong speed through the water, a
+wrong compass zero and tides move the depth-averaged currents between fixes.
 """
 
 from __future__ import annotations
@@ -26,15 +27,15 @@ class Channel(NamedTuple):
     name: str
     unit: str
     noise: float
-    """Standard deviation from dive to dive of a sound vehicle, before its own dives say"""
+    """Standard deviation between dives of a sound vehicle, before its own dives correct it"""
     walk: float
-    """Standard deviation of its change from dive to dive: seasons, water, wear that is no fault"""
+    """Standard deviation of the level's change from dive to dive, by water, seasons and wear"""
     says: str
-    """what it is, as a person reads it"""
+    """Meaning of the channel, for a reader of the page"""
     flown: bool = True
-    """False: it depends on the sea and on noise, and flights of the twin do not tell it"""
+    """False: flights of the twin do not predict it, since it depends on the sea and on noise"""
     instead: str = ""
-    """Channel that is judged in its stead in dives that tell it: what it shows, without the sea"""
+    """Channel that replaces this one in dives that have both; the sea disturbs that one less"""
 
 
 CHANNELS = tuple(
@@ -73,41 +74,40 @@ CHANNELS = tuple(
          "compass' heading", False),
     )
 )  # fmt: skip
-"""Every channel; noise and walk are of the size that sound simulated deployments of a Slocum have
-(preset `faulty`), larger where they are hardly there; for `surface_depth` of that of four vehicles;
-and for `cell_lag` of that of real ones: 1 s is the median of seven deployments at full rate. A
-deployment's own dives change them"""
+"""All channels. Noise and walk are those of sound simulated deployments of a Slocum (preset
+`faulty`), raised where these are near 0. `surface_depth` is from four simulated vehicles,
+`cell_lag` the median of seven real deployments at full rate. A deployment's dives scale them"""
 NAMES = tuple(channel.name for channel in CHANNELS)
 PLACE = {name: k for k, name in enumerate(NAMES)}
 NOISE, WALK = (np.array([getattr(one, name) for one in CHANNELS]) for name in ("noise", "walk"))
 FLOWN = np.array([channel.flown for channel in CHANNELS])
 
 DIFFERENCE = 0.03
-"""[m/s] deviation of a current's component at the top of a dive less that at its bottom: that of 30
-draws of preset `field`, seed 511"""
+"""[m/s] Standard deviation of a current component's difference between the top and the bottom of a
+dive, from 30 currents of preset `field`, seed 511"""
 ON_A_LEG = ("turn_moves", "heading_error")
-"""Channels that change where a leg begins: a drive rests while the heading stands in its dead band,
-and how long it does is another matter on each heading. By 1.0 in 68 % of 207 new legs (sound
-deployments of four vehicles, seed 2003), times the root of 1 less the cosine of the turn"""
+"""Channels that step where a leg begins, since the steering rests while the heading is in its dead
+band. The step is below 1.0 sqrt(1 - cos(turn)) in 68 % of 207 new legs (sound deployments of four
+vehicles, seed 2003)"""
 TIDES = (2.0 * math.pi / (12.42 * 3600.0), 2.0 * math.pi / (23.93 * 3600.0))
-"""[rad/s] of M2 and K1"""
+"""[rad/s] Angular frequencies of the tides M2 and K1"""
 SPEED_OFF, HEADING_OFF, TIDE_SPEED = 0.1, math.radians(3.0), 0.05
-"""Deviations, before anything is known: part by which the speed through the water is off, [rad] of
-the compass' zero, [m/s] of each phase of a tide's component"""
+"""Prior standard deviations: relative error of the speed through the water, [rad] error of the
+compass' zero, [m/s] amplitude of each phase of a tide's component"""
 DAY = 86400.0
 
 
 def steps_in_shear(response: Array, ways: Array, days: Array, depth: float) -> Array:
-    """Deviation of the change of each channel from the dive before, (dives, channels).
+    """Standard deviation of each channel's step from the dive before, (dives, channels).
 
-    Half of the shear's variance stands, half turns with the semidiurnal tide; across the heading
-    it changes as the vehicle turns. Those `ON_A_LEG` change by the turn alone; where a
-    heading is not known, as at a right angle.
+    Half of the shear's variance is steady; half turns with the semidiurnal tide. Its component
+    across the heading changes as the vehicle turns. Channels `ON_A_LEG` step by the turn alone.
+    An unknown heading counts as a turn by a right angle.
 
     Args:
-      response: of each channel to a shear across the heading of 1/s, (channels,).
-      ways: mean velocity through the water of each dive, (dives, 2); NaN: on any heading.
-      days: [d] of the middles of the dives. depth: [m] of the lower turn.
+      response: change of each channel per 1/s of shear across the heading, (channels,).
+      ways: mean velocity through the water of each dive, (dives, 2); NaN: unknown heading.
+      days: [d] middles of the dives. depth: [m] of the lower turn.
     """
     heading = np.arctan2(ways[:, 1], ways[:, 0])
     known = np.isfinite(heading)
@@ -124,11 +124,11 @@ def steps_in_shear(response: Array, ways: Array, days: Array, depth: float) -> A
 
 
 def standing(ways: Array, days: Array) -> tuple[Array, Array]:
-    """Disturbances that may have been in the currents all along.
+    """Disturbances of the currents that may be there from the first dive on.
 
     Returns:
-      Addition of each to the channels of a dive at size 1, (kinds, dives, channels), and the
-      deviation of each size, (kinds,).
+      What each adds to the channels of a dive at size 1, (kinds, dives, channels), and the
+      standard deviation of each size, (kinds,).
     """
     north, east = np.nan_to_num(ways).T
     none = np.zeros(len(days))

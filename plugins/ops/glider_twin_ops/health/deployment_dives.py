@@ -1,11 +1,9 @@
-"""Dives of a deployment: read from a store of logs, with what its pilot set and changed.
+"""Deployment's dives: read from a store of logs, with the settings that the pilot changed.
 
-Echoes are the part that came back of those which earlier dives let expect. How much of a dive an
-altimeter hears the floor in depends on how deep it dives, how far the floor is below and how its
-beam lies near the turn. So pings are counted by the height above the floor, and a dive's echoes are
-beside those that earlier dives had at its heights. Its beam is plumb in a dive; nose up, as a
-vehicle that still sinks after its turn, it looks aft and hears nothing: what is pinged there says
-nothing of the altimeter.
+Echoes of the sea floor are compared with those that earlier dives had at the same heights above
+it. The part of a dive in which an altimeter hears the floor depends on the depths of dive and floor
+and on the beam's direction. Its beam is vertical while the vehicle dives. Pings with the nose up,
+after the turn and still sinking, look aft and are left out.
 """
 
 from __future__ import annotations
@@ -30,23 +28,23 @@ from twin.records.attributes import DIVE, DIVE_DURATION
 from twin.records.storage import StorePath
 
 BIN, BINS = 5.0, 60
-"""[m] of height whose pings are counted together, and how many of them"""
+"""[m] Height of the bins in which pings are counted, and the number of bins"""
 LEAST, SOUND = 10.0, 0.5
-"""Echoes that must be expected for a dive to tell, and the part from which on it teaches the next:
-what a blind one hears is not what there is"""
+"""Fewest expected echoes for a value, and the fraction received from which on a dive updates the
+counts; a blind altimeter must not lower the expectation"""
 
 
 @dataclasses.dataclass(eq=False)
 class Echoes:
-    """What the dives so far heard of the floor."""
+    """Counts of the pings and echoes of all dives so far, by height above the floor."""
 
     floor: float = math.nan
-    """[m] its depth where it was heard last"""
+    """[m] Depth of the floor where it was heard last"""
     pings: Array = dataclasses.field(default_factory=lambda: np.zeros(BINS))
     heard: Array = dataclasses.field(default_factory=lambda: np.zeros(BINS))
 
     def part(self, depth: Array, altitude: Array, pitch: Array | None = None) -> float:
-        """Echoes of the next dive over those expected [1]; NaN where too few are, as at first.
+        """Add a dive: its echoes over those expected [1]; NaN where fewer than `LEAST` are.
 
         Args:
           depth, altitude: [m], (n,); altitude NaN where no echo came back.
@@ -60,9 +58,9 @@ class Echoes:
         if back.sum() >= LEAST:
             found = float(np.median((deep + altitude[down])[back]))
         if found > self.floor + BIN:
-            self.floor = found  # deeper than it was: echoes that are due are those of today's
+            self.floor = found  # the floor is deeper than before: expect echoes from there
         elif deep.size and deep.max() > self.floor + BIN:
-            self.floor = math.nan  # it dived to below where the floor was heard
+            self.floor = math.nan  # the dive went below the depth at which the floor was heard
         part = math.nan
         if math.isfinite(self.floor):
             at = self._bins(deep)
@@ -81,28 +79,27 @@ class Echoes:
 
 
 CHANGED = {"depth": 0.2, "pitch": 3.0, "volume": 25.0}
-"""Changes of a dive from which on a pilot has changed it: of the depth's logarithm, [degree] and
-[cm3] of dive and climb; nine of ten dives of preset `faulty`, where nobody does, stay within"""
+"""Changes between two dives above which the pilot changed a setting: of the depth's logarithm,
+[degree] of pitch, [cm3] of volume. Of preset `faulty`, without a pilot, 90 % of dives stay below"""
 UNTOLD_WARMING = 0.0015
-"""Part by which a hull's air changes from dive to dive where a log lacks its temperature: 0.4 K, as
-the mean of a dive's water does in 81 pairs of dives of seven real deployments (rms)"""
+"""Relative change of the hull's air from dive to dive where the log has no temperature: 0.4 K, the
+RMS change of a dive's mean temperature in 81 pairs of dives of seven real deployments"""
 ROUND = 10.0
-"""[m], and tenths of a degree and of the pump's reach, to which the typical dive is rounded, so
-that deployments of one vehicle share its signatures"""
+"""[m] Depth step to which the typical dive is rounded, so that deployments share its signatures"""
 READ = (
     "depth", "pressure", "pitch", "roll", "heading", "pump", "shift", "rotation", "fin", "density",
     "temperature", "conductivity", "salinity", "altitude", "charge", "voltage", "battery_current",
     "pump_power", "vacuum", "dvl_mode",
 )  # fmt: skip
-"""Signals that channels are made of, without `measured_`"""
+"""Signals that channels are computed from, without `measured_`"""
 
 
 def dives_of(logs: LogStore, deployment: str) -> tuple[list[int], list[DiveSignals], Array]:
-    """Dives of a deployment in order of time, and their ways through the water.
+    """Read the dives of a deployment in order of time.
 
     Returns:
-      Rows of the store; the signals of each; mean velocity through the water by the compass, north
-      and east [m/s], (dives, 2), NaN where it is not known.
+      Rows of the store; the signals of each; its mean velocity through the water by the compass,
+      north and east [m/s], (dives, 2), NaN where unknown.
     """
     rows = logs.missions_of(deployment)
     names = [name for name in (*(f"measured_{one}" for one in READ), "commanded_heading")
@@ -115,7 +112,7 @@ def dives_of(logs: LogStore, deployment: str) -> tuple[list[int], list[DiveSigna
         count, powered = int(logs.samples[row]), of_rows[row].powered
         signals = {name: block[k, :count].astype(float) for name, block in blocks.items()}
         heading, current = signals.get("measured_heading"), (math.nan, math.nan)
-        # a current by the heading that was wanted, or beside a thruster's speed, says nothing
+        # a commanded heading, or a speed without the thruster's, gives no current
         if row in legs and not powered and heading is not None and np.isfinite(heading).any():
             leg = legs[row].leg
             ways[k] = np.array(leg.through_water) / leg.duration
@@ -130,7 +127,7 @@ def dives_of(logs: LogStore, deployment: str) -> tuple[list[int], list[DiveSigna
 
 
 def told_by(logs: LogStore, deployment: str, vehicle: Vehicle) -> dict[str, Any]:
-    """Arguments of `judged` that a deployment's log tells."""
+    """Arguments of `judged` read from a deployment's log."""
     rows, dives, ways = dives_of(logs, deployment)
     calibration = flight_model(vehicle)
     numbers = logs.array(DIVE) if DIVE in logs else np.arange(len(logs))
@@ -154,8 +151,8 @@ def told_by(logs: LogStore, deployment: str, vehicle: Vehicle) -> dict[str, Any]
 def values_of(dives: Sequence[DiveSignals], calibration: Calibration | None) -> Array:
     """Channels of dives, (dives, channels), as they are judged.
 
-    Waves that move the water between a dive and its climb look like a slow thermistor: where
-    conductivity is beside it, what is left between the two tells and the thermistor alone does not.
+    Internal waves between a dive and its climb look like a slow thermistor. Where the log has
+    conductivity, the lag between the two sensors replaces the thermistor's own.
     """
     found = np.array([channels_of(dive, calibration) for dive in dives]).reshape(-1, len(NAMES))
     for channel in CHANNELS:
@@ -165,9 +162,9 @@ def values_of(dives: Sequence[DiveSignals], calibration: Calibration | None) -> 
 
 
 def changes_of(dives: Sequence[DiveSignals]) -> Array:
-    """By how much each dive is another than the one before, in `CHANGED`, (dives,).
+    """Change of settings from the dive before, over `CHANGED`, (dives,).
 
-    What a model lacks differs from a depth, a pitch and a volume to others.
+    Errors of a model differ between depths, pitches and volumes.
     """
     rows = np.array([dive.settings() for dive in dives]).reshape(-1, 5)
     rows[:, 0] = np.log(np.maximum(rows[:, 0], 1.0)) / CHANGED["depth"]
@@ -178,13 +175,13 @@ def changes_of(dives: Sequence[DiveSignals]) -> Array:
 
 
 def typical_dive(store: str | StorePath, deployment: str, vehicle: Vehicle) -> TypicalDive:
-    """Dive that is usual in a deployment's log; see `typical`."""
+    """Usual dive of a deployment's log; see `typical`."""
     with LogStore(store) as logs:
         return typical(dives_of(logs, deployment)[1], vehicle)
 
 
 def typical(dives: Sequence[DiveSignals], vehicle: Vehicle) -> TypicalDive:
-    """The dive that is usual in a log, rounded; what the log lacks is the vehicle file's."""
+    """Usual dive of a log, rounded; settings that the log lacks are the vehicle file's."""
     rows = np.array([dive.settings() for dive in dives]).reshape(-1, 5)
     deepest = rows[np.isfinite(rows[:, 0]), 0]
     depth = float(np.median(deepest)) if len(deepest) else 150.0
@@ -197,7 +194,7 @@ def typical(dives: Sequence[DiveSignals], vehicle: Vehicle) -> TypicalDive:
     if not len(down) or not len(up):
         return usual
     lightest, heaviest = vehicle.net_mass_range
-    # half of what the two pumped volumes differ by pulls each way
+    # half of the difference of the pumped volumes is the net mass of each phase
     heavy, light = (vehicle.net_mass_for_pump(float(np.median(one[:, 1]))) for one in (down, up))
     pull = float(np.clip(0.5 * abs(heavy - light), 0.3 * heaviest, min(heaviest, -lightest)))
     pitch, climb_pitch = (

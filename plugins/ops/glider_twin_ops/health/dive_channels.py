@@ -1,4 +1,4 @@
-"""Channels of a dive: made of the signals that a log has of it, NaN where it does not tell one."""
+"""Dive channels: health channels computed from the logged signals of one dive, NaN where absent."""
 
 from __future__ import annotations
 
@@ -19,58 +19,57 @@ from twin.vehicle.parts import BatteryHinge, Fin, Pump
 
 Mask = NDArray[np.bool_]
 PUMPING = 0.15
-"""[cm3/s] from which a pump pumps"""
+"""[cm3/s] Rate above which a pump counts as pumping"""
 STEEP, LEAST_SAMPLES = 8.0, 20
-"""[degree] and samples from which on a vehicle dives or climbs"""
+"""[degree] Pitch and number of samples from which on a vehicle counts as diving or climbing"""
 BIN, STEADY_PITCH = 60.0, 8.0
-"""[s] of the means that steady flight is judged by; [degree] flatter than this no glider glides"""
+"""[s] Length of the bins of steady flight; [degree] smallest pitch of a glide"""
 STEADY_CHANGE, STEADY_PUMP = 4.0, 15.0
-"""[degree], [cm3] of change from bin to bin that ends a steady flight"""
+"""[degree], [cm3] Changes of pitch and pump from bin to bin that end steady flight"""
 SHALLOW = 5.0
-"""[m] above which a hull is near the surface"""
+"""[m] Depth above which a hull is near the surface"""
 AFLOAT, FLOATING, RESTS = 0.5, 0.05, 20.0
-"""[m] below the highest depth of a dive, and [m/s] of rise and fall there, of what floats: waves;
-[s] that it must float: what turns below the surface is as slow for a moment"""
+"""A vehicle floats within [m] of a dive's smallest depth while it rises or sinks slower than [m/s],
+for longer than [s]; a turn below the surface is as slow for a moment only"""
 LEAST_BINS = 4
-"""of a phase: with fewer it says nothing"""
+"""Fewest bins of a dive or climb from which a channel is computed"""
 WHOLE, LEAST_WHOLE = 0.7, 2.0
-"""Part of the highest rate from which on a pump pumps as it can, and samples of that, one after the
-other, from which on a stroke tells its rate: a fast pump's falls off from sample to sample, and how
-high its one highest is depends on when it was sampled"""
+"""Fraction of the highest rate above which a pump runs at full rate, and the fewest consecutive
+samples at full rate from which the rate is read. The one highest sample of a fast pump depends on
+when it was taken"""
 FINEST = 20.0
-"""[s] between samples beyond which a pump's moves are not seen"""
+"""[s] Longest sample period at which a pump's strokes can be seen"""
 LAYER = 2.0
-"""[m] of the bins in which dives and climbs of a CTD are compared"""
+"""[m] Height of the layers in which the CTD's dives and climbs are compared"""
 SEA_LEVEL, ZERO_C = 101_325.0, 273.15
-"""[Pa], [K]"""
+"""[Pa] Pressure of the air, [K] temperature of 0 degC"""
 PHASES = (("dive", 1.0), ("climb", -1.0))
-"""Sign of the depth rate in each"""
+"""Sign of the depth rate in dives and in climbs"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DiveSignals:
-    """What a log has of one dive, each array (n,)."""
+    """Logged signals of one dive, each array (n,)."""
 
     period: float
     """[s]"""
     signals: Mapping[str, Array]
-    """by the names of the schema"""
+    """Arrays by the names of the schema"""
     current: tuple[float, float] = (math.nan, math.nan)
-    """north, east [m/s] between its fixes by the depth rate and the compass"""
+    """[m/s] Depth-averaged current to the north and east, by fixes, depth rate and compass"""
     echoes: float = math.nan
-    """of the floor, over those that earlier dives had at its heights"""
+    """Echoes of the sea floor over those expected from earlier dives at the same heights"""
     powered: bool = False
-    """A thruster drove it: neither its glide nor its power is that of others"""
+    """A thruster propelled it, so that glide and power are not comparable"""
 
     def get(self, name: str) -> Array | None:
-        """A measured signal with a finite value."""
+        """Return a measured signal, None where it has no finite value."""
         found = self.signals.get(f"measured_{name}")
         return None if found is None or not np.isfinite(found).any() else found
 
     def settings(self) -> list[float]:
-        """What a pilot had set, as the log shows it: depth [m] of the lower turn, then of dive and
-        climb each the pitch [degree], nose up positive, and the volume [cm3] that is pumped out;
-        NaN where the log does not tell."""
+        """Pilot's settings by the log: depth [m] of the lower turn, then pitch [degree] and pumped
+        volume [cm3] of the dive, and both of the climb. Nose up is positive; NaN where absent."""
         depth, pitch, pump = self.get("depth"), self.get("pitch"), self.get("pump")
         found = [math.nan if depth is None else float(np.nanmax(depth))]
         for sign in (-1.0, 1.0):
@@ -82,18 +81,18 @@ class DiveSignals:
 
 
 class Strokes(NamedTuple):
-    """When a pump pumps out, each (n,)."""
+    """Strokes of a pump that pumps out, each (n,)."""
 
     rate: Array
-    """[cm3/s] from the sample before"""
+    """[cm3/s] Rate since the sample before"""
     out: Mask
-    """it pumps out"""
+    """The pump pumps out"""
     inner: Mask
-    """both neighbours are of the stroke too: at an end a sample has a part of it alone"""
+    """Both neighbours belong to the stroke too; samples at its ends hold only a part of one"""
 
 
 def strokes_of(volume: Array, period: float) -> Strokes:
-    """Strokes of a pump's volume [cm3], (n,), with a period [s] between samples."""
+    """Find the strokes in a pump's volume [cm3], (n,), sampled every `period` [s]."""
     whole = _filled(volume)
     rate = np.diff(whole, prepend=whole[:1]) / period
     out = rate > PUMPING
@@ -104,7 +103,7 @@ def strokes_of(volume: Array, period: float) -> Strokes:
 
 
 def _binned(values: Array | None, width: int, count: int) -> Array:
-    """Means of bins of so many of `count` samples, of which NaN are left out; NaN of no signal."""
+    """Average bins of `width` of `count` samples without NaN; NaN where there is no signal."""
     values = np.full(count, np.nan) if values is None else values
     block = values[: count // width * width].reshape(-1, width)
     known = np.isfinite(block)
@@ -114,7 +113,7 @@ def _binned(values: Array | None, width: int, count: int) -> Array:
 
 
 def _filled(values: Array) -> Array:
-    """Straight lines across NaN."""
+    """Interpolate linearly across NaN."""
     known = np.flatnonzero(np.isfinite(values))
     if len(known) == len(values):
         return values
@@ -122,10 +121,10 @@ def _filled(values: Array) -> Array:
 
 
 def channels_of(dive: DiveSignals, calibration: Calibration | None) -> Array:
-    """Value of each channel, (channels,); NaN where the log does not tell it.
+    """Compute each channel, (channels,); NaN where the log lacks its signals.
 
     Args:
-      calibration: whose flight model depth rates are beside; None: the vehicle has none.
+      calibration: flight model that depth rates are compared with; None: no such channels.
     """
     found = dict.fromkeys(NAMES, math.nan)
     depth = dive.get("depth")
@@ -144,7 +143,7 @@ def channels_of(dive: DiveSignals, calibration: Calibration | None) -> Array:
 
 
 def _flight(dive: DiveSignals, depth: Array, calibration: Calibration) -> dict[str, float]:
-    """Depth rates and trim in steady flight."""
+    """Channels of depth rate and trim in steady flight."""
     pitch, pump, roll = dive.get("pitch"), dive.get("pump"), dive.get("roll")
     if pitch is None or pump is None:
         return {}
@@ -156,7 +155,7 @@ def _flight(dive: DiveSignals, depth: Array, calibration: Calibration) -> dict[s
     )
     if len(z) < 3:
         return {}
-    # the slope of depth between the middles of the bins around
+    # depth is averaged over bins: the slope lies between the middles of the neighbouring bins
     rate = np.gradient(z, width * dive.period)
     steady = (z > SHALLOW) & (np.abs(theta) > STEADY_PITCH)
     for values, most in ((theta, STEADY_CHANGE), (volume, STEADY_PUMP)):
@@ -184,13 +183,13 @@ def _flight(dive: DiveSignals, depth: Array, calibration: Calibration) -> dict[s
 
 
 def _median(name: str, values: Array | None, phase: Mask) -> dict[str, float]:
-    """A channel that is the median of the bins of a phase; nothing where these are few."""
+    """Median of a phase's bins as a channel; empty where there are fewer than `LEAST_BINS`."""
     used = np.zeros(0) if values is None else values[phase & np.isfinite(values)]
     return {name: float(np.median(used))} if len(used) >= LEAST_BINS else {}
 
 
 def _turning(dive: DiveSignals, depth: Array, vehicle: Vehicle) -> dict[str, float]:
-    """Roll, the place of what turns it, and how well it holds its heading."""
+    """Channels of roll, of the steering drive's position and motion, and of the heading's error."""
     found: dict[str, float] = {}
     part, place = vehicle.steered("heading"), None
     heading, roll = dive.get("heading"), dive.get("roll")
@@ -206,7 +205,7 @@ def _turning(dive: DiveSignals, depth: Array, vehicle: Vehicle) -> dict[str, flo
     rolled = None if roll is None else _binned(roll, width, count)
     at = None if place is None else _binned(place, width, count)
     if rolled is not None and isinstance(part, BatteryHinge) and at is not None:
-        # roll over the turn of a battery that hangs below the axis, near the middle
+        # roll per turn of a battery that hangs below the axis, linear near the middle
         hung = vehicle.battery.mass * vehicle.battery.eccentricity
         rolled = rolled + hung / max(vehicle.mass * vehicle.metacentric_height, 1e-9) * at
     for word, sign in PHASES:
@@ -224,19 +223,19 @@ def _turning(dive: DiveSignals, depth: Array, vehicle: Vehicle) -> dict[str, flo
         known = np.isfinite(off) & under
         if known.sum() > 20:
             error = np.abs(np.angle(np.exp(1j * off[known])))
-            # the median: the turn onto a new leg is no error
+            # the median ignores the turn onto a new leg, which is no error
             found["heading_error"] = math.log(max(float(np.rad2deg(np.median(error))), 0.05))
     return found
 
 
 def _pump(dive: DiveSignals, depth: Array) -> dict[str, float]:
-    """How fast the pump pumps, and what it takes beside the sea's own work."""
+    """Channels of the pump's rate and of its energy over the work against the sea."""
     volume = dive.get("pump")
     if volume is None or dive.period > FINEST:
         return {}
     rate, out, inner = strokes_of(volume, dive.period)
     found: dict[str, float] = {}
-    # a valve lets some through, and short strokes have ends alone
+    # a valve passes a little at any time, and short strokes consist of their ends
     if out.sum() >= 5:
         whole = inner & (rate > WHOLE * float(rate[out].max()))
         lasting = np.diff(np.flatnonzero(np.diff(whole, prepend=False, append=False)))[::2]
@@ -255,7 +254,7 @@ def _pump(dive: DiveSignals, depth: Array) -> dict[str, float]:
 
 
 def _power(dive: DiveSignals, depth: Array) -> dict[str, float]:
-    """Power of the electronics, and the voltage's drop under load."""
+    """Channels of the electronics' power and of the voltage's drop under load."""
     voltage, current, charge = (dive.get(n) for n in ("voltage", "battery_current", "charge"))
     found: dict[str, float] = {}
     if voltage is not None and current is not None:
@@ -284,10 +283,10 @@ def _power(dive: DiveSignals, depth: Array) -> dict[str, float]:
 
 
 def _hull(dive: DiveSignals, depth: Array) -> dict[str, float]:
-    """Air in the hull, depth at the surface, the Doppler log's lock."""
+    """Channels of air in the hull, depth shown at the surface and the Doppler log's lock."""
     found: dict[str, float] = {}
     vacuum, warmth, mode = (dive.get(name) for name in ("vacuum", "temperature", "dvl_mode"))
-    # at the surface a bladder takes air out of the hull
+    # at the surface the air bladder takes air out of the hull
     under = depth > SHALLOW
     if vacuum is not None and np.isfinite(vacuum[under]).any():
         kelvin = ZERO_C + 10.0
@@ -298,7 +297,7 @@ def _hull(dive: DiveSignals, depth: Array) -> dict[str, float]:
     if highest < 10.0:
         floats = np.abs(np.gradient(_filled(depth), dive.period)) < FLOATING
         afloat = floats & (depth < highest + AFLOAT)
-        # a dive whose log ends below has its begin alone there, which already sinks
+        # a log that ends below the surface has only the sinking begin of the dive there
         up = depth[np.isfinite(depth)][-1] < highest + 3.0 * AFLOAT
         if up and afloat.sum() >= max(2.0, RESTS / dive.period):
             found["surface_depth"] = float(np.median(depth[afloat]))
@@ -308,12 +307,12 @@ def _hull(dive: DiveSignals, depth: Array) -> dict[str, float]:
 
 
 def _lags(dive: DiveSignals, depth: Array) -> dict[str, float]:
-    """By how much temperature and conductivity are late: dives and climbs differ by 2 lag dx/dt."""
+    """Channels of the CTD's lags [s]: dives and climbs differ by 2 lag dx/dt."""
     found: dict[str, float] = {}
     rate = np.gradient(_filled(depth), dive.period)
     warmth, cell, salinity = map(dive.get, ("temperature", "conductivity", "salinity"))
     if cell is None and salinity is not None and warmth is not None:
-        import gsw  # the salinity that the log was given of it by PSS-78
+        import gsw  # the log's salinity was computed from conductivity by PSS-78
 
         pressure = dive.get("pressure")
         deep = depth if pressure is None else np.where(np.isfinite(pressure), pressure, depth)
@@ -334,19 +333,19 @@ def _lags(dive: DiveSignals, depth: Array) -> dict[str, float]:
                 profiles += [np.bincount(at, x[phase], size) / count for x in (values, rate)]
         falling, sinking, rising, climbing = profiles
         slope = np.gradient(0.5 * (falling + rising), LAYER)
-        # x(t) = X(z) - lag dX/dz w: late in dives by one sign, in climbs by the other
+        # x(t) = X(z) - lag dX/dz w: the sign of the error differs between dives and climbs
         late = slope * (climbing - sinking)
         both = np.isfinite(late) & np.isfinite(falling) & np.isfinite(rising)
         if both.sum() >= 8 and float((late[both] ** 2).sum()) > 0.0:
             off = (falling - rising)[both]
             found[name] = float(off @ late[both] / (late[both] ** 2).sum())
-    # water that waves move between a dive and its climb moves both
+    # internal waves between a dive and its climb shift both sensors alike
     late_cell = found.pop("cell_lag", math.nan) - found.get("temperature_lag", math.nan)
     return found if math.isnan(late_cell) else {**found, "cell_lag": late_cell}
 
 
 def flight_model(vehicle: Vehicle) -> Calibration | None:
-    """Calibration of a vehicle with a flight model; None of others."""
+    """Calibration of a vehicle that has a flight model; None for others."""
     glides = isinstance(vehicle.law, FlowFrame) and len(vehicle.masses) == 1
     if not glides or not isinstance(vehicle.steered("buoyancy"), Pump):
         return None

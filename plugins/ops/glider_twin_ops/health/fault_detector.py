@@ -1,11 +1,11 @@
-"""A detector of faults that learned from labelled deployments, beside what `assess` judges.
+"""Fault detector learned from labelled deployments, a rival of `assess`.
 
     detector = FaultDetector.fit(values, kinds, onsets, seed=0)
     odds, named = detector.judge(values[0])
 
-It sees the same channels of the same dives, and no physics: a network of one hidden layer takes how
-far each channel's last dives are from those before them, and tells after each dive which fault
-there is, if any.
+The detector reads the same channels and no physics. The inputs of its network, which has one hidden
+layer, are the differences of each channel's last dives from all before. Its outputs, after each
+dive, are the scores of every kind of fault and of none.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from twin.errors import InputError
 from twin.numbers import Array
 
 LAST = (1, 3, 8)
-"""Dives at the end whose mean is compared with that of all before"""
+"""Numbers of last dives whose mean is compared with the mean of all dives before"""
 FIRST = 4
-"""Dives before the first that is judged"""
+"""Number of first dives that are not judged"""
 FARTHEST = 8.0
-"""Deviations at which a feature ends: a network does not extrapolate"""
+"""Standard deviations at which a feature is clipped: a network does not extrapolate"""
 UNTOLD = 3
-"""Dives from the onset on that teach nothing: a fault begins unseen"""
+"""Dives from the onset on that are left out of training, since a new fault is not yet visible"""
 HIDDEN, STEPS, RATE, DECAY, DROPPED = 64, 400, 3e-3, 3e-3, 0.2
-"""Units; steps of Adam over all dives at once, their rate, decay of weights; inputs left out"""
+"""Hidden units, steps of AdamW over all dives, learning rate, weight decay, dropout of inputs"""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FaultDetector:
-    """A trained detector."""
+    """Trained detector."""
 
     kinds: tuple[str, ...]
-    """Classes; the first is none"""
+    """Classes; the first means no fault"""
     network: torch.nn.Module
     """(dives, features) to scores (dives, kinds)"""
 
@@ -51,12 +51,12 @@ class FaultDetector:
         *,
         seed: int = 0,
     ) -> FaultDetector:
-        """Learn from deployments; the same from the same seed.
+        """Train on deployments; equal seeds give equal detectors.
 
         Args:
           values: channels of each deployment as `CHANNELS` has them, (dives, channels).
-          kinds: of their faults, `none` where there is none.
-          onsets: place of the first dive with the fault in each; None where there is none.
+          kinds: kind of each deployment's fault, `none` without one.
+          onsets: index of the first dive with the fault; None without one.
 
         Raises:
           InputError: there are no sound deployments, or none with a fault.
@@ -94,13 +94,13 @@ class FaultDetector:
         return cls(names, network.eval())
 
     def judge(self, values: Array) -> tuple[Array, list[str]]:
-        """What it says after each dive of a deployment.
+        """Judge a deployment after each of its dives.
 
         Args:
           values: channels of its dives, (dives, channels).
 
         Returns:
-          log of the odds of a fault, (dives,), -inf before it judges; the likeliest kind of each.
+          log odds of a fault, (dives,), -inf in the first dives; the likeliest kind of each.
         """
         with torch.no_grad():
             scores = self.network(torch.tensor(features(values), dtype=torch.float32)).double()
@@ -110,10 +110,10 @@ class FaultDetector:
 
 
 def features(values: Array) -> Array:
-    """What the network sees after each dive: (dives, channels x (ways + 1)).
+    """Inputs of the network after each dive: (dives, channels x (len(LAST) + 1)).
 
-    Means of the last dives less the mean of those before, over the deviation that it has by the
-    channel's noise in the deployment so far; and whether the channel is there.
+    Means of the last dives less the mean of the dives before, over the standard deviation of that
+    difference by the channel's noise so far; and whether the channel is present.
     """
     levels = follow(values)
     spread = np.sqrt(levels.expected)

@@ -1,13 +1,12 @@
-"""Judgement: is a fault more likely than drift, which one, since when and how large.
+"""Judgement: likelihood of each fault against drift, its first dive and its size.
 
-Each channel has a level that walks from dive to dive; a Kalman filter follows it, and its
-innovations are what a sound vehicle leaves. A fault that began with some dive adds its signature,
-times its size, from there on; what the filter's innovations then are is linear in the size, so that
-the likelihood ratio of each kind and each first dive against drift is known in closed form (Willsky
-and Jones, IEEE TAC 21, 1976). The size has a normal prior of the kind's usual size, and the ratio
-is that of the marginal likelihoods.
+A Kalman filter follows the level of each channel, a random walk from dive to dive; its innovations
+are white for a sound vehicle. A fault adds its signature, times its size, from its first dive on.
+The innovations are linear in that size, so that the likelihood ratio of each kind and first dive
+against drift has a closed form (Willsky and Jones, IEEE TAC 21, 1976). The size has a normal prior
+of the kind's usual size; the ratio is that of the marginal likelihoods.
 
-How much evidence is an alarm follows from the false alarms that a pilot bears. A level is the
+The evidence that is an alarm follows from the accepted rate of false alarms. A threshold is the
 higher of two. One is that of simulated deployments of preset `faulty` that were sound, and of what
 came before the fault in others: 1073 days of Slocum 200, Sea-Wing, SeaExplorer and Seaglider (of
 each vehicle `--each 1 --sound 6 --seed 2003` and `--each 2 --sound 24 --seed 2004`). They are
@@ -36,54 +35,54 @@ from twin.errors import InputError
 from twin.numbers import Array
 
 CLIP, FARTHEST = 3.5, 30.0
-"""Standard deviations at which an innovation counts no further: one dive alone proves little; and
-those of a signature that count"""
+"""Standard deviations at which an innovation is clipped, since one dive alone proves little; and
+those at which a signature is clipped"""
 LEARNED, LATE = 8.0, 2
-"""Dives that the noise of a channel before a deployment counts as, and those at the end that do not
-teach the noise: a fault would"""
+"""Dives that a channel's prior noise counts as; and last dives that do not update the noise, since
+a fault would raise it"""
 LEAST, MOST = 0.4, 40.0
-"""Smallest and largest variance of a channel over that before the deployment"""
+"""Smallest and largest variance of a channel over its prior variance"""
 STEP = 2.0
-"""Noises by which a level may step where a pilot changed the dive by one unit more than he does
-without wanting to: what the model lacks at another depth, pitch and volume"""
+"""Step of a level, in noises, per unit of changed settings beyond 1: a model's error differs at
+another depth, pitch and volume"""
 FIRST = 5
-"""Dives that a fault needs before it: what was wrong from the beginning is the vehicle"""
+"""Dives before the earliest fault: a difference from the first dive on belongs to the vehicle"""
 UNKNOWN = 100.0
-"""Standard deviation of a level before its first dive, in its noise"""
+"""Standard deviation of a level before its first dive, in noises"""
 RARE = 200.0
-"""Dives in which a fault begins once, before anything is known"""
+"""Prior: a fault begins once in this many dives"""
 ENDS, BELOW = 0.0, 1.0
-"""Log of the odds below which an alarm ends: none is then as likely; and by how much it falls below
-a level that is lower itself, so that an alarm does not flap"""
+"""Log odds below which an alarm ends, since no fault is then as likely; and the drop below a lower
+threshold that ends an alarm, so that it does not flap"""
 NONE = "none"
-"""The kind of a healthy deployment"""
+"""Kind of a healthy deployment"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Levels:
-    """What the filters of all channels made of a deployment, each (dives, channels)."""
+    """Filtered levels of all channels of a deployment, each (dives, channels)."""
 
     level: Array
-    """after each dive"""
+    """Level after each dive"""
     deviation: Array
-    """of it"""
+    """Standard deviation of the level"""
     innovation: Array
-    """over its deviation; NaN where the log has no value"""
+    """Innovation over its standard deviation; NaN where the log has no value"""
     expected: Array
-    """[variance] of each innovation"""
+    """Variance of each innovation"""
     gain: Array
-    """of each update, 0 without a value"""
+    """Kalman gain of each update, 0 without a value"""
 
 
 def follow(values: Array, changes: Array | None = None, wander: Array | None = None) -> Levels:
     """Follow every channel of a deployment.
 
     Args:
-      values: (dives, channels), NaN where the log does not tell.
-      changes: by how much each dive is another than the one before, (dives,): up to 1 it is the
-        same; beyond, levels may step by what the model lacks. None: all dives are the same.
-      wander: deviation of each channel's change from the dive before, (dives, channels), beside
-        that of a log that tells all it depends on.
+      values: (dives, channels), NaN where the log has none.
+      changes: change of settings from the dive before, (dives,). Levels may step where it is above
+        1. None: no settings change.
+      wander: standard deviation of each channel's further step from the dive before,
+        (dives, channels).
     """
     count, width = values.shape
     noise, walk = NOISE**2, WALK**2
@@ -105,7 +104,7 @@ def follow(values: Array, changes: Array | None = None, wander: Array | None = N
         variance = np.where(known, (1.0 - gain) * variance, variance)
         seen += known
         told = known & ~first
-        # what is in the first dives is the vehicle: nothing there is cut off
+        # a difference in the first dives belongs to the vehicle: nothing is clipped there
         most = 9.0 * scale if d >= FIRST else math.inf
         squares[d] = np.where(told, np.minimum(error**2 / spread * scale, most), 0.0)
         counted = np.maximum(seen - 1.0 - LATE, 0.0)
@@ -119,21 +118,21 @@ def follow(values: Array, changes: Array | None = None, wander: Array | None = N
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Verdict:
-    """What a deployment's dives say, dive after dive."""
+    """Faults of a deployment, weighed after each dive."""
 
     evidence: Array
-    """log of the odds of a fault against none after each dive, less what they were before any dive
-    spoke, (dives,); -inf where nothing speaks for one"""
+    """Log odds of a fault after each dive, less the prior log odds, (dives,); -inf where no dive is
+    evidence of one"""
     kinds: tuple[str, ...]
     probability: Array
-    """of each kind after the last dive, (kinds,)"""
+    """Probability of each kind after the last dive, (kinds,)"""
     since: NDArray[np.int64]
     """Most likely first dive of each kind, (kinds,)"""
     size: Array
     """Most likely size of each, in its unit, (kinds,)"""
     size_deviation: Array
     best: tuple[int, ...]
-    """Which hypothesis it is of each kind"""
+    """Index of the likeliest hypothesis of each kind"""
 
 
 def judge(
@@ -145,10 +144,10 @@ def judge(
     """Weigh every fault and every first dive against drift.
 
     Args:
-      days: [d] of the middle of each dive since the first, (dives,).
-      hypotheses: of faults, whose signatures are those of each dive where they differ.
-      standing: what may have been there all along, as `channels.standing` gives it; faults and
-        drift are weighed with any size of each of them.
+      days: [d] middle of each dive since the first, (dives,).
+      hypotheses: faults with signatures, of each dive where these differ between dives.
+      standing: disturbances from the first dive on, by `channels.standing`; the likelihoods of
+        faults and of drift are averaged over their sizes.
     """
     count, width = levels.innovation.shape
     always, usually = (np.zeros((0, count, width)), np.zeros(0)) if standing is None else standing
@@ -161,12 +160,12 @@ def judge(
     known = np.stack([np.isfinite(np.atleast_2d(h.signature)).all(axis=0) for h in hypotheses])
     signatures = np.stack(
         [np.broadcast_to(np.nan_to_num(h.signature), levels.innovation.shape) for h in hypotheses]
-    )  # 0 where the twin does not tell
+    )  # 0 where no flight predicts the channel
     scale, usual, grows, signed = np.array(
         [(h.scale, _usual(h), h.fault.grows, h.fault.signed) for h in hypotheses]
     ).T
     by_dives = np.ptp(signatures, axis=1).any(axis=1)
-    # the first is that of what was there before the log
+    # the first onset stands for a fault from before the log
     onsets = np.array([0, *range(FIRST, count)])
     answer = np.zeros((len(onsets), size, width))
     info, score = np.zeros((2, len(onsets), size))
@@ -197,8 +196,8 @@ def judge(
         ratio = _ratio(*left, usual, signed > 0.0)
         before = ratio[1:].copy()
         if by_dives.any():
-            # what shows in some dives and not in others, as a compass' iron does by the heading,
-            # may have been there all along: it is weighed against that, too
+            # a signature that differs between dives, as a compass' iron by heading, may have been
+            # there from the first dive on: the fault is weighed against that too
             stood = logsumexp(ratio[0, by_dives]) - math.log(by_dives.sum())
             before[:, by_dives] -= np.logaddexp(0.0, stood)
         if begun[1:].any():
@@ -230,15 +229,15 @@ def judge(
 
 
 def sure(evidence: Array) -> Array:
-    """The lower of the odds after each dive and after the one before it, (dives,).
+    """Lower of the log odds after each dive and after the dive before, (dives,).
 
-    What one dive says and the next takes back is no fault. `evidence` is that of a `Verdict`.
+    An alarm so takes two dives in a row. `evidence` is that of a `Verdict`.
     """
     return np.minimum(evidence, np.concatenate([[-math.inf], evidence[:-1]]))
 
 
 def rings(evidence: Array, threshold: float) -> list[tuple[int, int]]:
-    """First and last dive, as places, of each alarm: two dives in a row begin it and end it."""
+    """Indices of the first and last dive of each alarm; two dives in a row begin or end one."""
     ends = min(ENDS, threshold - BELOW)
     surely = sure(evidence)
     found: list[tuple[int, int]] = []
@@ -257,7 +256,7 @@ def rings(evidence: Array, threshold: float) -> list[tuple[int, int]]:
 def _size(
     levels: Levels, days: Array, hypothesis: Hypothesis, signature: Array, onset: int
 ) -> tuple[float, float]:
-    """Size of a fault that began with a dive, and its deviation; nothing is cut off here."""
+    """Size of a fault with a given first dive, and its standard deviation, without clipping."""
     count, width = levels.innovation.shape
     answer, info, score = np.zeros(width), 1.0 / _usual(hypothesis) ** 2, 0.0
     for d in range(onset, count):
@@ -272,28 +271,28 @@ def _size(
 
 
 def _gained(ratio: Array) -> Array:
-    """log of by how much likelihood ratios, given by their logs, are above 1; -inf below.
+    """Log of (likelihood ratio - 1), from log ratios; -inf for ratios below 1.
 
-    Dives that say nothing of a fault leave its ratio at 1. A fault that may have begun with any of
-    them would otherwise become likely in a long deployment by their number alone.
+    Dives without evidence leave the ratio at 1. Without this, a fault would become likely in a long
+    deployment by the number of its possible first dives alone.
     """
     more = np.maximum(ratio, 1e-300)
     return np.where(ratio > 0.0, more + np.log(-np.expm1(-more)), -math.inf)
 
 
 def _half(days: Array, d: int) -> float:
-    """[d] from the begin of a dive to its middle, about."""
+    """Half the time [d] between a dive and the one before it."""
     later = max(d, 1)
     return 0.5 * float(days[later] - days[later - 1]) if len(days) > 1 else 0.0
 
 
 def _usual(hypothesis: Hypothesis) -> float:
-    """Standard deviation of the size before anything is known."""
+    """Prior standard deviation of the size."""
     return 1.5 * hypothesis.scale
 
 
 def _ratio(info: Array, score: Array, usual: Array, signed: Array) -> Array:
-    """log of the marginal likelihood with a size over that without, each (onsets, hypotheses)."""
+    """Log ratio of marginal likelihoods with and without a fault, (onsets, hypotheses)."""
     precision = info + 1.0 / usual**2
     two_sided = 0.5 * score**2 / precision - 0.5 * np.log(precision * usual**2)
     positive = math.log(2.0) + log_ndtr(score / np.sqrt(precision))
@@ -307,18 +306,18 @@ RATES: tuple[tuple[float, float, float], ...] = (
     (100.0, -2.83, -1.75),
     (300.0, -0.43, -0.52),
 )
-"""[d] of sound vehicles with one false alarm, the log of the odds that is an alarm on simulated
-deployments, and that of channels as loud as they are stated to be"""
+"""[d] of sound vehicles per false alarm; threshold of the log odds by simulated deployments, and by
+channels with the stated noise and walk"""
 
 
 def threshold_of(days: float) -> float:
-    """The log of the odds from which on there is an alarm, by straight lines over log(days).
+    """Threshold of the log odds for an alarm, interpolated over log(days).
 
     Args:
-      days: [d] of sound vehicles in which one false alarm is borne.
+      days: [d] of sound vehicles in which one false alarm is accepted.
 
     Raises:
-      InputError: not a time that the simulated deployments tell.
+      InputError: outside the days of `RATES`.
     """
     least, most = RATES[0][0], RATES[-1][0]
     if not least <= days <= most:

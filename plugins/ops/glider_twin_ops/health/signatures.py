@@ -1,8 +1,8 @@
-"""Signatures: what each fault adds to the channels of a dive, by flights of the twin with it.
+"""Signatures: change of a dive's channels by each fault of size 1, from flights of the twin.
 
-The same dive is flown sound and with each fault that the vehicle can have, in lanes, and each
-flight's channels are taken as from a log; the difference over the size is the signature. A kind of
-one's own so needs no line here.
+The same dive is flown sound and with each fault that the vehicle can have, by the batched engine.
+The difference of the two flights' channels over the fault's size is the signature. A new kind of
+fault needs no line here.
 """
 
 from __future__ import annotations
@@ -34,67 +34,67 @@ from twin.physics import BODY, Lane, differs, electric_signals, flown_abreast, h
 from twin.vehicle.parts import Fin
 
 GROWN, PATIENCE = 1.0, 60.0
-"""[d] after which the signature of what grows is taken; [s] for each metre of depth: a vehicle
-without a wing is slow"""
+"""[d] Age at which the signature of a growing fault is taken; [s] longest flight for each metre of
+depth, since a vehicle without a wing is slow"""
 FLOOR_BELOW, DEEP = 20.0, 250.0
-"""[m] of the floor below the dive, so that an altimeter hears it; and that is dived at least, in
-as many yos as that takes"""
+"""[m] Height of the dive's turn above the floor, so that an altimeter hears it; [m] least sum of
+the depths of all yos"""
 OCEAN, PER_SALINITY = 1025.0, 0.77
-"""[kg/m3] that the shipped gliders are ballasted for, and by which a unit of salinity is denser"""
+"""[kg/m3] Density that the shipped gliders are ballasted for, and its rise per unit of salinity"""
 HEADING, SHEAR, SETTLED = 30.0, 3e-4, 300.0
-"""[degree] of the flights; [1/s] of the sheared one: 6 cm/s over 200 m; [s] of a flight after which
-a fault begins that began at once"""
+"""[degree] Heading of the flights; [1/s] shear of the sheared one, 6 cm/s over 200 m; [s] time of a
+flight at which a fault begins that does not grow"""
 FLATTER = 1.0
-"""[degree] by which a second sound dive is flatter: what already that changes, as where a weak turn
-settles, is no part of a signature"""
+"""[degree] Pitch by which a second sound dive is flatter; its changes of channels, as where a weak
+turn settles, are subtracted from signatures"""
 ASTRAY = 10.0
-"""[degree], median of its heading's error, from which on a sound vehicle's turns, and what a fault
-makes of them, are not told: what turns it is at its end"""
+"""[degree] Median heading error of a sound dive above which signatures of `TURNING` are unknown,
+since the steering is at its limit"""
 TURNING = ("roll_dive", "roll_climb", "turn_dive", "turn_climb")
-"""Channels of what holds the heading"""
+"""Channels of roll and steering"""
 STEEPER, STEEPEST, DEEPER, TRIES = 6.0, 40.0, 40.0, 5
-"""[degree] by which a dive is steeper where a vehicle stalls from the surface on, as real ones
-begin theirs steeply, and the most; [m] by which it is deeper, where turns take most of it; dives"""
+"""Changes of a dive in which a vehicle stalls: [degree] steeper, up to the steepest; [m] deeper,
+since turns take most of a shallow one; number of tries"""
 RATES = [PLACE[name] for name in ("rate_dive", "rate_climb")]
 LIKE = 0.97
-"""Cosine between two signatures, over their noise, from which no channel tells them apart"""
+"""Cosine of two signatures, over their noise, above which no channel tells them apart"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class TypicalDive:
-    """The dive that a vehicle usually makes, its pitches in [degree]; faults are flown in it."""
+    """Usual dive of a vehicle, in which faults are flown; pitches in [degree]."""
 
     depth: float
-    """[m] of the lower turn"""
+    """[m] Depth of the lower turn"""
     pitch: float
     climb_pitch: float
     net_mass: float
-    """[kg] heavy in dives"""
+    """[kg] Net mass in dives, heavy"""
     climb_net_mass: float
-    """[kg] light in climbs"""
+    """[kg] Net mass in climbs, light"""
     period: float
-    """[s] between samples"""
+    """[s] Sample period"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Hypothesis:
-    """A fault of size 1, in one of the ways that a vehicle can have it."""
+    """Fault of size 1, in one of the variants that a vehicle can have."""
 
     fault: Fault
     signature: Array
-    """added to each channel, (channels,), or in each dive, (dives, channels); for what grows, a day
-    after its begin; NaN where the twin does not tell"""
+    """Change of each channel, (channels,), or in each dive, (dives, channels); of a growing fault a
+    day after its begin; NaN where unknown"""
     scale: float
-    """Size that it usually has"""
+    """Usual size of the fault"""
 
     @property
     def kind(self) -> str:
-        """Of the fault."""
+        """Kind of the fault."""
         return self.fault.kind
 
 
 def usual_dive(vehicle: Vehicle, period: float = 4.0, depth: float = 150.0) -> TypicalDive:
-    """Dive of a vehicle's file: its usual glide."""
+    """Usual glide of a vehicle's file as a dive."""
     pitch, _ = vehicle.usual_glide
     lightest, heaviest = vehicle.net_mass_range
     return TypicalDive(
@@ -105,20 +105,20 @@ def usual_dive(vehicle: Vehicle, period: float = 4.0, depth: float = 150.0) -> T
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Signatures:
-    """What faults and a sheared sea add to the channels of a vehicle's dive."""
+    """Changes of a dive's channels by faults and by a sheared current."""
 
     hypotheses: tuple[Hypothesis, ...]
-    """of every fault that it can have"""
+    """All faults that the vehicle can have"""
     sheared: Array
-    """Response of each channel to a current across the heading that changes by 1 m/s in a metre of
-    depth, (channels,); NaN where the twin does not tell"""
+    """Change of each channel per 1/s of shear of the current across the heading, (channels,); NaN
+    where unknown"""
 
     def in_dives(self, way: Array) -> list[Hypothesis]:
-        """Hypotheses in the dives of a deployment: what a kind itself expects of each dive.
+        """Hypotheses of a deployment, with signatures of each dive where the fault states them.
 
         Args:
           way: mean velocity through the water of each dive by the compass [m/s], (dives, 2); NaN
-            where it is not known.
+            where unknown.
         """
         found = []
         for one in self.hypotheses:
@@ -133,9 +133,9 @@ class Signatures:
 
 
 def signatures_of(vehicle: Vehicle, dive: TypicalDive) -> Signatures:
-    """Signatures of every fault that a vehicle can have in a dive, by flights.
+    """Fly the signatures of all faults that a vehicle can have in a dive.
 
-    Where the vehicle does not glide steadily in it, it flies a steeper, deeper one.
+    A vehicle that does not glide steadily in the dive flies a steeper, deeper one.
 
     Raises:
       InputError: the vehicle's dive cannot be flown.
@@ -174,7 +174,7 @@ def signatures_of(vehicle: Vehicle, dive: TypicalDive) -> Signatures:
         signature = shown / (fault.size * (GROWN if fault.grows else 1.0))
         signature[~FLOWN] = 0.0
         if differs(fault, built, BODY):
-            # how deep it floats is the affair of a bladder, which no twin has
+            # the depth at the surface depends on an air bladder, which the twin lacks
             signature[PLACE["surface_depth"]] = 0.0
         if off > ASTRAY:
             signature[[PLACE[name] for name in TURNING]] = math.nan
@@ -187,11 +187,11 @@ def signatures_of(vehicle: Vehicle, dive: TypicalDive) -> Signatures:
 
 
 Case = tuple[TypicalDive, tuple[Fault, ...], float]
-"""A dive, its faults, and the shear across its heading [1/s]"""
+"""Dive, its faults, and the shear across its heading [1/s]"""
 
 
 def _flown_channels(vehicle: Vehicle, cases: Sequence[Case]) -> list[Array]:
-    """Channels of dives with sets of faults, noise-free; NaN where one cannot be flown."""
+    """Fly dives with their faults; noise-free channels, NaN where one cannot be flown."""
     scenarios = [dive_scenario(vehicle, *case) for case in cases]
     calibration = flight_model(vehicle)
     found = [np.full(len(NAMES), math.nan) for _ in cases]
@@ -212,7 +212,7 @@ def _flown_channels(vehicle: Vehicle, cases: Sequence[Case]) -> list[Array]:
 def dive_scenario(
     vehicle: Vehicle, dive: TypicalDive, faults: Sequence[Fault] = (), shear: float = 0.0
 ) -> Scenario:
-    """A dive with faults, and where it is shallow several, so that it says as much."""
+    """Scenario of a dive with faults; several yos where it is shallow."""
     yos = max(math.ceil(DEEP / dive.depth), 1)
     bottom, across = 1.1 * dive.depth + FLOOR_BELOW, math.radians(HEADING + 90.0)
     current = Profile(
@@ -233,7 +233,7 @@ def dive_scenario(
         start_heading_deg=HEADING,
         name="signature",
     )  # fmt: skip
-    # the water that the vehicle is ballasted for
+    # water of the density that the vehicle is ballasted for
     fresher = max((OCEAN - vehicle.reference_density) / PER_SALINITY, -5.0)
     water = DensityProfile.thermocline(
         max_depth=dive.depth + 200.0,
@@ -243,7 +243,7 @@ def dive_scenario(
         vehicle=vehicle,
         believed=vehicle,
         mission=mission,
-        faults=[  # grown for some days, or begun at once
+        faults=[  # a growing fault is a day old, another begins in flight
             dataclasses.replace(fault, start=-GROWN * DAY if fault.grows else SETTLED)
             for fault in faults
         ],
@@ -257,7 +257,7 @@ def dive_scenario(
 
 
 def told(scenario: Scenario, flown: Trajectory) -> DiveSignals:
-    """A flight as a log without noise."""
+    """Log of a flight without noise."""
     floor = scenario.floor
     signals: dict[str, Array] = dict(
         SensorSuite.preset("ideal").measure(
@@ -279,10 +279,10 @@ def told(scenario: Scenario, flown: Trajectory) -> DiveSignals:
 
 
 def confusable(hypotheses: Sequence[Hypothesis], noise: Array) -> dict[str, set[str]]:
-    """Kinds that no channel with a noise tells from each kind, which is among them.
+    """Kinds that cannot be told from each kind, itself included.
 
     Args:
-      noise: of each channel, (channels,); infinite where a log lacks it.
+      noise: standard deviation of each channel, (channels,); infinite where a log lacks it.
     """
     units: dict[str, list[Array]] = {}
     for one in hypotheses:

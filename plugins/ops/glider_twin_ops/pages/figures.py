@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator
 
 from glider_twin_ops.forecast import DeploymentHindcast, Forecast, HindcastSurfacing, LoggedLeg
 from glider_twin_ops.forecast.member_flights import HALF, NINETY
@@ -16,6 +17,7 @@ from glider_twin_ops.forecast.walk import METHODS
 from glider_twin_ops.health.answers import Answers
 from glider_twin_ops.health.assessment import DeploymentHealth
 from glider_twin_ops.health.channels import CHANNELS
+from glider_twin_ops.pages.surfacing_map import CLOSE, ROUND_SPEEDS, STEPS
 from twin.geodesy import position
 from twin.navigation import outline
 from twin.numbers import Array
@@ -25,15 +27,18 @@ from twin.show.style import LABEL, draw_dates
 
 HOUR, DAY = 3600.0, 86400.0
 """[s]"""
-CLOSE, CLOSE_SURFACINGS = 4, 6
-"""Last dives of a detailed map of dives, and last surfacings of one of forecasts"""
+CLOSE_SURFACINGS = 6
+"""Number of last surfacings on the map of forecasts"""
 MAP, SERIES, SMALL = (4.1, 3.9), (4.1, 2.4), (4.1, 1.75)
-"""[in] of figures that stand beside each other, and below each other on a phone"""
+"""[in] Sizes of figures that stand side by side, or one below the other on a phone"""
 LETTERS = 105
-"""In a line of the picture for e-mail"""
+"""Letters in a line of the picture for e-mail"""
 BAND = 2.0
-"""Standard deviations of a level or a belief that are shown about it"""
+"""Standard deviations that a band shows on each side of a level or an estimate"""
 ELLIPSE_POINTS = 73
+LONGEST_ARROW, TICKS, WIDE = 0.18, 25.0, 1.4
+"""Length of the strongest current's arrow over the map's width; most small ticks of an axis; width
+over height of the map for e-mail"""
 STYLED = {
     "forecast": ("forecast", "vermillion"),
     "persistence": ("persistence", "blue"),
@@ -47,29 +52,28 @@ COLOURS = {name: style.PALETTE[colour] for name, (_, colour) in STYLED.items()}
 
 @contextlib.contextmanager
 def _drawn(size: tuple[float, float]) -> Iterator[tuple[Figure, Axes]]:
-    """A figure [in] in the project's style with one pair of axes."""
+    """Make a figure [in] in the project's style with one pair of axes."""
     with style.styled():
         figure = style.new_figure(*size)
         yield figure, figure.add_subplot()
 
 
 def _date(axes: Axes, start: float, unit: float) -> None:
-    """Dates below axes over a time in a unit [s] since a start [s] unix, with their label."""
+    """Draw dates below axes whose times count in `unit` [s] from `start` [s] unix on."""
     draw_dates(axes, start, unit)
     axes.set_xlabel(LABEL)
 
 
-def track_figure(legs: Sequence[LoggedLeg], found: Forecast | None = None) -> Figure:
-    """Dives, with the numbered ellipses of the next surfacings and where it goes."""
+def track_figure(legs: Sequence[LoggedLeg]) -> Figure:
+    """Map of dives with their mean currents."""
     with _drawn(MAP) as (figure, axes):
-        _draw_track(axes, legs, found)
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+        _draw_track(axes, legs, None)
     return figure
 
 
 def mail_figure(title: str, lines: Sequence[str], legs: Sequence[LoggedLeg],
                 found: Forecast | None) -> Figure:  # fmt: skip
-    """The last dives and the next surfacings, with words below them; words alone without dives."""
+    """Map of the last dives and next surfacings above a text; the text alone without dives."""
     told = [part for line in lines for part in textwrap.wrap(line, LETTERS)]
     words = 0.16 * (len(told) + 1)
     with style.styled():
@@ -81,13 +85,17 @@ def mail_figure(title: str, lines: Sequence[str], legs: Sequence[LoggedLeg],
             below = words / size
             figure.set_layout_engine("constrained", rect=(0.0, below, 1.0, 1.0 - below))
             axes = figure.subplots()
-            _draw_track(axes, legs[-CLOSE:], found)
-            axes.legend(*axes.get_legend_handles_labels(), loc="best", frameon=True)
+            _draw_track(axes, legs[-CLOSE:], found, WIDE)
+            axes.legend(*axes.get_legend_handles_labels(), loc="upper left",
+                        bbox_to_anchor=(1.01, 1.0), frameon=False)  # fmt: skip
         figure.text(0.02, (words - 0.05) / size, "\n".join(told), va="top", fontsize=8.0)
     return figure
 
 
-def _draw_track(axes: Axes, legs: Sequence[LoggedLeg], found: Forecast | None) -> None:
+def _draw_track(
+    axes: Axes, legs: Sequence[LoggedLeg], found: Forecast | None, shape: float = 0.95
+) -> None:
+    """Draw fixes, currents and a forecast on a map of a shape, width over height."""
     begins = np.array([one.begin for one in legs])
     ends = np.array([one.end for one in legs])
     rings: list[Array] = []
@@ -99,16 +107,14 @@ def _draw_track(axes: Axes, legs: Sequence[LoggedLeg], found: Forecast | None) -
         ]
     every = np.concatenate([begins, ends, *rings, track])
     longitude = joined_longitude(every[:, 1])
-    draw_base(axes, box_around(every[:, 0], longitude, 0.95))
+    draw_base(axes, box_around(every[:, 0], longitude, shape))
+    _fine_ticks(axes)
     west, east, *around = np.split(longitude, np.cumsum([len(p) for p in (begins, ends, *rings)]))
     axes.plot(np.stack([west, east]), np.stack([begins[:, 0], ends[:, 0]]), color=style.GUIDE,
               lw=0.9, zorder=2)  # fmt: skip
     axes.plot(east, ends[:, 0], ".", color=style.COMMAND, ms=4.0, ls="none", zorder=4, label="fix")
-    current = np.array([one.leg.current for one in legs])
-    axes.quiver(
-        0.5 * (west + east), 0.5 * (begins[:, 0] + ends[:, 0]), current[:, 1], current[:, 0],
-        color=style.PALETTE["blue"], width=0.004, zorder=3, label="current",
-    )  # fmt: skip
+    _arrows(axes, np.stack([0.5 * (west + east), 0.5 * (begins[:, 0] + ends[:, 0])]),
+            np.array([one.leg.current for one in legs]))  # fmt: skip
     for k, (x, ring) in enumerate(zip(around, [*rings, track], strict=True)):
         last = k == len(rings)
         if len(ring):
@@ -119,11 +125,39 @@ def _draw_track(axes: Axes, legs: Sequence[LoggedLeg], found: Forecast | None) -
         _draw_places(axes, found, longitude[0] - begins[0, 1])
 
 
+def _fine_ticks(axes: Axes) -> None:
+    """Small ticks of round minutes, their step in the labels, so that one can read a place off."""
+    for axis, (low, high), name in (
+        (axes.xaxis, axes.get_xlim(), "longitude"),
+        (axes.yaxis, axes.get_ylim(), "latitude"),
+    ):
+        step = next((m for m in STEPS if TICKS * m >= 60.0 * (high - low)), STEPS[-1])
+        whole = np.arange(np.ceil(60.0 * low / step), np.floor(60.0 * high / step) + 1.0)
+        axis.set_minor_locator(FixedLocator((whole * step / 60.0).tolist()))
+        axis.set_label_text(f"{name}, ticks of {step:g}\N{PRIME}")
+    axes.tick_params(which="minor", length=3.0, top=True, right=True)
+
+
+def _arrows(axes: Axes, middles: Array, current: Array) -> None:
+    """Draw the mean current of each dive as an arrow from its middle, (2, dive), and a key."""
+    known = np.isfinite(current).all(axis=1)
+    if not known.any():
+        return
+    most = max(float(np.hypot(*current[known].T).max()), ROUND_SPEEDS[0])
+    speed = max(one for one in ROUND_SPEEDS if one <= most)
+    arrows = axes.quiver(
+        *middles[:, known], current[known, 1], current[known, 0], color=style.PALETTE["blue"],
+        width=0.005, zorder=3, scale=most / LONGEST_ARROW, scale_units="width",
+    )  # fmt: skip
+    axes.quiverkey(arrows, 0.8, 0.95, speed, f"current {speed:g} m/s", labelpos="S", labelsep=0.05,
+                   fontproperties={"size": 7.5})  # fmt: skip
+
+
 def _draw_places(axes: Axes, found: Forecast, turned: float) -> None:
-    """Numbers of the surfacings at their middles, and targets, at the edge where they are far.
+    """Draw the surfacings' numbers at their centres, and targets, at the edge where they are far.
 
     Args:
-      turned: [degree] by which the map's longitudes are beyond those of the forecast.
+      turned: [degree] longitude on the map less longitude in the forecast.
     """
     for one in found.surfacings:
         axes.annotate(f"{one.number}", (one.longitude + turned, one.latitude), ha="center",
@@ -132,8 +166,10 @@ def _draw_places(axes: Axes, found: Forecast, turned: float) -> None:
     for k, (x, y) in enumerate(found.targets() + np.array([turned, 0.0])):
         inside = west <= x <= east and south <= y <= north
         at = np.clip(x, west, east), np.clip(y, south, north)
-        axes.plot(*at, "D" if inside else ">", color=style.PALETTE["purple"], ms=5.0, ls="none",
-                  clip_on=False, zorder=5, label="" if k else "goes to")  # fmt: skip
+        turn = np.rad2deg(np.arctan2(y - 0.5 * (south + north), x - 0.5 * (west + east))) - 90.0
+        axes.plot(*at, marker="D" if inside else (3, 0, turn), ms=5.0, ls="none", zorder=5,
+                  color=style.PALETTE["purple"], clip_on=False,
+                  label="" if k else "goes to")  # fmt: skip
 
 
 def water_figure(legs: Sequence[LoggedLeg]) -> Figure:
@@ -153,7 +189,7 @@ def water_figure(legs: Sequence[LoggedLeg]) -> Figure:
 
 
 def evidence_figure(one: DeploymentHealth) -> Figure:
-    """Evidence over the dives."""
+    """Log odds of a fault over the dives."""
     hours = (one.time - one.time[0]) / HOUR
     known = np.isfinite(one.evidence)
     with _drawn((6.0, 2.0)) as (figure, axes):
@@ -168,7 +204,7 @@ def evidence_figure(one: DeploymentHealth) -> Figure:
 def channel_figures(
     one: DeploymentHealth, which: Sequence[int], name: str
 ) -> list[tuple[str, Figure, str]]:
-    """Channels that the log tells, with their levels: name, figure and caption of each."""
+    """Draw channels of health with their levels: name, figure and caption of each."""
     hours = (one.time - one.time[0]) / HOUR
     begun = one.dives.index(one.since_dive) if one.alarm and one.since_dive is not None else None
     found = []
@@ -189,7 +225,7 @@ def channel_figures(
 
 
 def belief_figure(said: Answers, name: str) -> Figure:
-    """A belief after each dive with its band, and by all dives."""
+    """Estimate of a parameter after each dive with its band, and smoothed over all dives."""
     assert said.beliefs is not None
     hours = (said.time - said.time[0]) / HOUR
     value, off = said.beliefs.value(name), said.beliefs.deviation(name)
@@ -197,7 +233,7 @@ def belief_figure(said: Answers, name: str) -> Figure:
     with _drawn(SMALL) as (figure, axes):
         _band(axes, hours, value, off)
         axes.plot(hours, back, "--", color=style.COMMAND, lw=0.9)
-        # the first dives know little: their bands would hide the others
+        # the wide bands of the first dives would hide the others
         low, high = (np.quantile(value + side * BAND * off, q) for side, q in ((-1, 0.1), (1, 0.9)))
         axes.set_ylim(min(low, back.min()) - 0.1 * (high - low),
                       max(high, back.max()) + 0.1 * (high - low))  # fmt: skip
@@ -213,7 +249,7 @@ def _band(axes: Axes, hours: Array, value: Array, deviation: Array) -> None:
 
 
 def map_figure(one: DeploymentHindcast) -> Figure:
-    """All surfacings, and the last few with the ellipses of their forecasts."""
+    """Map of all surfacings, and of the last few with the ellipses of their forecasts."""
     scored = [s for s in one.surfacings if s.scored]
     few = (scored or list(one.surfacings))[-CLOSE_SURFACINGS:]
     with style.styled():
@@ -229,7 +265,7 @@ def map_figure(one: DeploymentHindcast) -> Figure:
 def _draw_map(
     axes: Axes, surfacings: Sequence[HindcastSurfacing], title: str, marks: Mapping[str, str]
 ) -> None:
-    """Fixes; with marks of methods their surfacings, and the ellipses of the forecast."""
+    """Draw fixes and, for the methods in `marks`, their forecasts with the ellipses."""
     fixes, begins = (np.array([s.places[name] for s in surfacings]) for name in ("fix", "begin"))
     outlines = []
     for one in surfacings if marks else ():  # latitude, longitude [degree] of 90 % ellipses, (2, n)
@@ -263,7 +299,7 @@ def _draw_map(
 
 
 def current_figure(one: DeploymentHindcast) -> Figure:
-    """North and east over time: observed after each dive, forecast before it with its 90 %."""
+    """Current north and east over time: found after each dive, forecast before it with 90 %."""
     start = one.surfacings[0].time
     days = np.array([(s.time - start) / HOUR for s in one.surfacings])
     with style.styled():
@@ -293,7 +329,7 @@ def current_figure(one: DeploymentHindcast) -> Figure:
 
 
 def error_figure(one: DeploymentHindcast) -> Figure:
-    """What part of the scored surfacings each method missed by less than so much."""
+    """Fraction of the scored surfacings whose error is below a value, for each method."""
     scored = [s for s in one.surfacings if s.scored]
     with _drawn((style.PAGE_WIDTH, 2.6)) as (figure, axes):
         for name in METHODS:

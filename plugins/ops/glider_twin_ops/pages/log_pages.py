@@ -1,4 +1,4 @@
-"""Pages of logs: a health check with every fault and belief, and a hindcast with every surfacing.
+"""Log pages: a health check with every fault and estimate, and a hindcast with every surfacing.
 
 Each is one HTML file with its figures inside, and needs no network.
 """
@@ -29,13 +29,13 @@ from twin.show import Page
 from twin.show.style import moment_of
 
 FEW = 4
-"""Deployments of which each is shown with all its channels; of more, those with an alarm"""
+"""Most deployments that are all shown with their channels; of more, only those with an alarm"""
 BELIEVED = {
     "drag": "Drag K_D0 [kg/m]",
     "neutral_density": "Density of the water in which it neither sinks nor rises [kg/m3]",
 }
 MOST_ROWS = 60
-"""Surfacings in the table, the last ones"""
+"""Most rows of the table: the last surfacings"""
 
 
 def write_health(
@@ -47,7 +47,7 @@ def write_health(
     """Write `index.html` and its figures as PNG into `folder`; returns the page's path.
 
     Args:
-      answered: by the name of the deployment, see `glider_twin_ops.health.answer_for`.
+      answered: answers by the deployment's name, see `glider_twin_ops.health.answer_for`.
 
     Raises:
       WriteError: something that is no page is in the way.
@@ -104,7 +104,7 @@ def _health_of(page: Page, one: DeploymentHealth, said: Answers | None, whole: b
 
 
 def kind_facts(kind: KindVerdict) -> dict[str, object]:
-    """Names and values of what the dives say of a kind of fault."""
+    """Facts on a kind of fault from the dives, by their names."""
     unit = "" if kind.unit == "1" else f" {kind.unit}"
     return {
         "probability": format_number(kind.probability, 3),
@@ -119,7 +119,7 @@ def kind_facts(kind: KindVerdict) -> dict[str, object]:
 
 
 def _answers(page: Page, name: str, said: Answers) -> None:
-    """Drag, compass, pump and energy."""
+    """Add drag, compass, pump and energy to the page."""
     page.section(f"{name}: drag, compass, pump, energy")
     if said.beliefs is not None:
         page.pair([(f"{name}-{key}", belief_figure(said, key), f"{text}: after each dive with two "
@@ -271,7 +271,7 @@ def _hindcast_of(page: Page, one: DeploymentHindcast) -> None:
 
 
 def _surfacing(one: HindcastSurfacing) -> dict[str, object]:
-    """Row of a table."""
+    """Row of the table of surfacings."""
     judged, (latitude, longitude) = one.surfacing, one.places["fix"]
     axes = Ellipse.of(judged.reach[1] * judged.covariance)
     return {

@@ -1,21 +1,26 @@
-"""Morning page: one HTML file without a network, and beside it JSON, ten lines of text, GeoJSON."""
+"""Morning page: one HTML file that needs no network; beside it JSON, a text for e-mail, GeoJSON.
+
+`daily.html` and `daily.css` are the template of its top: next surfacing, waypoint, readings, map.
+"""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Mapping, Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from glider_twin_ops.forecast import Forecast, notice_boxes
 from glider_twin_ops.forecast.member_flights import NINETY
 from glider_twin_ops.forecast.surfacing_forecast import boxes_text, collection
 from glider_twin_ops.health import CHANNELS, DeploymentHealth
+from glider_twin_ops.pages import surfacing_map
 from glider_twin_ops.pages.figures import (
-    CLOSE,
     channel_figures,
     evidence_figure,
     mail_figure,
@@ -24,7 +29,9 @@ from glider_twin_ops.pages.figures import (
 )
 from glider_twin_ops.pages.forecast_page import forecast_row
 from glider_twin_ops.pages.log_pages import kind_facts
-from glider_twin_ops.watching.expected_plan import NAMES, LastFix, ProposedFiles
+from glider_twin_ops.watching.changes import sentence, state_in_words
+from glider_twin_ops.watching.dive_table import polar
+from glider_twin_ops.watching.expected_plan import NAMES, Arrival, LastFix, ProposedFiles
 from glider_twin_ops.watching.morning import Morning
 from twin.cli import counted, one_line, printable
 from twin.errors import StoreError
@@ -37,9 +44,13 @@ LATEST, SUMMARY, GEOJSON = "latest.json", "summary.txt", "forecast.geojson"
 ROUTES = "routes.geojson"
 BOXES, BOXES_TEXT, MAIL = "boxes.geojson", "boxes.txt", "mail"
 BESIDE = (LATEST, SUMMARY, GEOJSON, ROUTES, BOXES, BOXES_TEXT, *NAMES)
-DAY = 86400.0
+DAY, KILO = 86400.0, 1e3
 SHOWN = 4
-"""Channels of health that are drawn, those farthest from their level"""
+"""Number of channels of health that are drawn: those farthest from their level"""
+UNITS = {"Pa": ("MPa", 1e-6)}
+"""Unit and factor in which the table of energy shows a unit"""
+RATES = ("rate_dive", "rate_climb", "pump_rate", "hotel")
+"""Channels whose sentences come first"""
 
 
 def write_morning(
@@ -51,13 +62,13 @@ def write_morning(
     as_of: str = "",
     came: Sequence[str] = (),
 ) -> Path:
-    """Write `folder/page`, in the place of the page before.
+    """Write `folder/page`, in place of the page before.
 
     Args:
-      new: what changed since that page, in sentences.
-      made: what `latest.json` keeps of how the page was made.
-      as_of: the moment up to which dives were taken; empty: all.
-      came: what a page of the past foretold beside what came.
+      new: sentences on changes since that page.
+      made: provenance of the page, for `latest.json`.
+      as_of: moment up to which dives count; empty: all dives.
+      came: sentences that compare a past page's forecast with what came.
 
     Raises:
       WriteError: something that is no page is in the way, or the disk refuses.
@@ -66,21 +77,28 @@ def write_morning(
     lead += [f"with {told.vehicle.name}"] if told.vehicle else []
     lead += [f"as of {as_of} UTC"] if as_of else []
     leads = [" ".join(lead) or told.title]
-    if (fix := told.last_fix) is not None:
-        leads.append(f"last fix {_fixed(fix)}")
+    if told.dives:
+        leads.append(f"{counted(len(told.dives), 'dive')}, {len(told.legs)} from fix to fix")
     verdict = told.verdict
-    if told.health is not None and told.health.alarm:  # by what it was judged is said below it
+    if told.health is not None and told.health.alarm:  # which vehicle judged goes to the lead
         verdict, *qualified = verdict.split("; ")
         leads += qualified
-    page = Page(folder / PAGE, verdict, "; ".join(leads), beside=BESIDE)
-    page.numbers(_numbers(told))
+    page = DailyPage(folder / PAGE, verdict, "; ".join(leads), beside=BESIDE)
+    page.top(told)
+    if new:
+        page.section("New since the page before")
+        page.points(new)
+    if told.table:
+        page.section("Dives")
+        page.table(
+            [one.row() for one in reversed(told.table)],
+            f"The last {counted(len(told.table), 'dive')} of {len(told.dives)}, the newest first. "
+            "Way and speed over ground are from fix to fix; the current is the dive's mean.",
+        )
     if (said := told.dialogue) is not None:
         page.section("Said at its last surfacing")
         page.say(f"{said.vehicle}, {utc_minute(said.time)} UTC by its clock.")
         page.facts(said.facts())
-    if new:
-        page.section("New since the page before")
-        page.points(new)
     if (flown := told.surfacings) is not None:
         _forecast(page, told, flown)
     if told.missing:
@@ -94,14 +112,11 @@ def write_morning(
         page.pair(
             [
                 (
-                    "track",
-                    track_figure(told.legs[-CLOSE:], told.surfacings),
-                    "Last dives: fixes with straight lines between those that begin and end one, "
-                    "its mean current, the next surfacings by their numbers with ellipses that "
-                    "hold 50 and 90 % of them, and where it goes: at the edge where that is "
-                    "outside.",
+                    "deployment",
+                    track_figure(told.legs),
+                    "All dives: fixes, straight lines between those that begin and end a dive, and "
+                    "its mean current.",
                 ),
-                ("deployment", track_figure(told.legs), "All dives."),
                 (
                     "current",
                     water_figure(told.legs),
@@ -111,7 +126,7 @@ def write_morning(
             ]
         )
     if told.health is not None:
-        _health(page, told.health)
+        _health(page, told, told.health)
     if told.followed is not None:
         page.section("Parameters")
         page.table(
@@ -169,7 +184,7 @@ def _proposal(page: Page, told: Morning, proposed: ProposedFiles) -> None:
 
 
 def read_latest(folder: Path) -> dict[str, Any] | None:
-    """What the page before said; None without one, and where it is not as it was written."""
+    """Read `latest.json` of the page before; None without one, or where it was changed."""
     try:
         if any(damaged_files(folder / PAGE, [LATEST])):
             return None
@@ -180,37 +195,44 @@ def read_latest(folder: Path) -> dict[str, Any] | None:
 
 
 def summary(told: Morning, new: Sequence[str]) -> str:
-    """Ten lines at most, for an e-mail."""
+    """Text for an e-mail, ten lines at most."""
     lines = [told.verdict]
     if told.dives:
         said_of = f"{counted(len(told.dives), 'dive')} of {told.deployment}"
         lines.append(f"{said_of}, {len(told.legs)} from fix to fix")
-        north, east = told.legs[-1].leg.current if told.legs else (math.nan, math.nan)
-        speed, course = math.hypot(north, east), math.degrees(math.atan2(east, north)) % 360.0
-        if speed >= 0.0:
-            toward = f"towards {round(course) % 360:03d} degree"
-            lines[-1] += f"; current of the last {speed:.2f} m/s {toward}"
+        if told.legs:
+            speed, course = polar(*told.legs[-1].leg.current.tolist())
+            lines[-1] += f"; current of the last {speed:.2f} m/s towards {course:03.0f} degree"
     if (fix := told.last_fix) is not None:
         lines.append(f"Last fix {_fixed(fix)}")
     if (said := told.dialogue) is not None and said.why:
         lines[-1] += f"; came up because of: {said.why}" + (
             f", {counted(said.aborts, 'abort')} since its reset" if said.aborts else ""
         )
+    if (way := told.arrival) is not None:
+        lines[-1] += f"; waypoint {_distance(way)}, arrival {_arrival(way)}"
     if (found := told.surfacings) is not None and found.surfacings:
         one, ellipse = found.surfacings[0], found.surfacings[0].ellipse(NINETY)
         lines += [
             f"Next surfacing {found.minute(one.time_s)} UTC "
-            f"({found.bounds(one)}) at {one.latitude:.4f}, {one.longitude:.4f}",
-            f"90 % within {ellipse.semi_major_m / 1e3:.1f} x {ellipse.semi_minor_m / 1e3:.1f} km "
+            f"({found.bounds(one)}) at {one.latitude:.4f}, {one.longitude:.4f}, 90 % within "
+            f"{ellipse.semi_major_m / KILO:.1f} x {ellipse.semi_minor_m / KILO:.1f} km "
             f"(semi-axes, the longer towards {ellipse.bearing_deg:.0f})",
             f"Taken to go {told.plan}",
         ]
-    lines.append(_power(told))
+    words = state_in_words(told)
+    lines.append(sentence("; ".join(words[name] for name in RATES[:2] if name in words)))
+    readings = [f"{one.what} {one.text()}" for one in told.readings]
+    lines.append(sentence("; ".join([*filter(None, [_power(told)]), *readings])))
     lines += list(new[:2])
     if told.missing:
         more = len(told.missing) - 1
         lines.append(f"Missing: {told.missing[0]}" + (f" (and {more} more)" if more else ""))
     return "\n".join([printable(one_line(line)) for line in lines if line][:10]) + "\n"
+
+
+def _distance(way: Arrival) -> str:
+    return f"{way.km:.1f} km towards {way.bearing:03.0f}"
 
 
 def _fixed(fix: LastFix) -> str:
@@ -232,29 +254,112 @@ def _power(told: Morning) -> str:
         said += (
             f"; turn home by {utc_minute(fix.time + home.safe_days * DAY)} UTC"
             if home.safe
-            else f"; turning now, {100.0 * home.reached:.0f} of 100 draws get home"
+            else f"; {_too_late(home.reached)}"
         )
     return said
 
 
-def _numbers(told: Morning) -> Mapping[str, str]:
-    found = {"dives": f"{len(told.dives)}", "from fix to fix": f"{len(told.legs)}"}
+class DailyPage(Page):
+    """Page with the next surfacing, the waypoint and the map at its top."""
+
+    def top(self, told: Morning) -> None:
+        """Fill the template with what is known."""
+        chart = Markup()
+        if told.surfacings is not None or told.legs:
+            goal = "last course" if told.arrival is None else "waypoint {}"
+            drawn = surfacing_map.draw_map(told.surfacings, told.legs, start="last fix", goal=goal)
+            form = "<figure>{}<figcaption>{}</figcaption></figure>\n<script>{}</script>"
+            script = Markup(surfacing_map.SCRIPT)
+            chart = Markup(form).format(Markup(drawn), MAP_CAPTION, script)
+        facts = (Markup("<dt>{}</dt><dd>{}</dd>").format(*one) for one in _now(told).items())
+        self._body.append(
+            Markup(_file("daily.html")).format(
+                style=Markup(surfacing_map.STYLE + _file("daily.css")),
+                alone="" if chart else " alone",
+                facts=Markup("").join(facts),
+                chart=chart,
+                **_next(told),
+            )
+        )
+
+
+MAP_CAPTION = (
+    "Ellipses hold 50 and 90 % of each surfacing, dots are members, the broken line is the mean. "
+    "Grey lines join the fixes of the last dives; arrows are their mean currents. Ctrl and the "
+    "wheel zoom, dragging moves. Coast: Natural Earth 1:50m, coarse."
+)
+
+
+def _file(name: str) -> str:
+    return files(__package__).joinpath(name).read_text("utf-8")
+
+
+def _next(told: Morning) -> dict[str, str]:
+    """Texts on the next surfacing; the reason where there is no forecast."""
+    found = told.surfacings
+    if found is None or not found.surfacings:
+        why = next(iter(told.missing), "")
+        if found is not None:
+            why = found.left_out or f"no surfacing within {found.request.hours:g} h"
+        texts = "Next surfacing", "not known", "", why
+    else:
+        one, ellipse = found.surfacings[0], found.surfacings[0].ellipse(NINETY)
+        texts = (
+            "Next surfacing",
+            f"{_chart(one.latitude, 'NS')} {_chart(one.longitude, 'EW')}",
+            f"{found.minute(one.time_s)} UTC ({found.bounds(one)})",
+            f"{one.latitude:.4f}, {one.longitude:.4f}; 90 % within "
+            f"{ellipse.semi_major_m / KILO:.1f} x {ellipse.semi_minor_m / KILO:.1f} km, the longer "
+            f"towards {ellipse.bearing_deg:03.0f}",
+        )
+    names = "what", "where", "when", "within"
+    return {name: printable(text) for name, text in zip(names, texts, strict=True)}
+
+
+def _chart(value: float, letters: str) -> str:
+    """Degrees and minutes of a latitude or longitude as charts write them."""
+    whole, minutes = divmod(round(60.0 * abs(value), 2), 60.0)
+    return f"{whole:.0f}\N{DEGREE SIGN}{minutes:05.2f}\N{PRIME}{letters[value < 0.0]}"
+
+
+def _now(told: Morning) -> dict[str, str]:
+    """Waypoint, last fix and readings: names and values."""
+    found: dict[str, str] = {}
+    if (way := told.arrival) is not None:
+        found["waypoint"] = f"{_distance(way)}, at {way.latitude:.4f}, {way.longitude:.4f}"
+        found["arrival"] = _arrival(way)
+    elif told.surfacings is not None:
+        found["waypoint"] = "not known: give goto in deployment.toml"
     if (fix := told.last_fix) is not None:
-        found["last fix, UTC"] = utc_minute(fix.time)[5:]
-    if told.surfacings is not None and told.surfacings.surfacings:
-        one = told.surfacings.surfacings[0]
-        found["next surfacing, UTC"] = told.surfacings.minute(one.time_s)[5:]
-        found["90 % within"] = f"{one.ellipse(NINETY).semi_major_m / 1e3:.1f} km"
+        found["last fix"] = _fixed(fix)
+    if told.legs:
+        speed, towards = polar(*told.legs[-1].leg.current.tolist())
+        until = utc_minute(told.legs[-1].leg.end)[5:]
+        found["current"] = f"{speed:.2f} m/s towards {towards:03.0f}, mean of the dive to {until}"
+    found |= {one.what: printable(one.text()) for one in told.readings}
     if told.used is not None:
         found["power"] = f"{told.used.power:.2f} W"
     if told.lasts is not None:
-        found["days left"] = f"{told.lasts.days:.1f}"
+        found["days left"] = f"{told.lasts.days:.1f} (90 %: {told.lasts.between()})"
     if fix is not None and told.outlook is not None and (home := told.outlook.home) is not None:
-        if home.safe:
-            found["turn home by, UTC"] = utc_minute(fix.time + home.safe_days * DAY)[5:]
-        else:
-            found["turning now, get home"] = f"{100.0 * home.reached:.0f} of 100"
+        by = f"{utc_minute(fix.time + home.safe_days * DAY)} UTC"
+        found["turn home"] = f"by {by}" if home.safe else _too_late(home.reached)
+    if told.plan:
+        found["taken to go"] = told.plan.partition(". ")[0]
     return found
+
+
+def _too_late(reached: float) -> str:
+    return f"turning now, {100.0 * reached:.0f} of 100 draws get home"
+
+
+def _arrival(way: Arrival) -> str:
+    if math.isinf(way.time):
+        return f"never: it makes {way.speed:.2f} m/s good towards it"
+    late = "later than all draws" if math.isinf(way.late) else utc_minute(way.late)[5:]
+    said = f"{utc_minute(way.time)} UTC (90 %: {utc_minute(way.early)[5:]} to {late})"
+    goes_on = ", if it goes on so after the forecast" if way.beyond else ""
+    return f"{said} at {way.speed:.2f} m/s made good{goes_on}"
 
 
 def _forecast(page: Page, told: Morning, found: Forecast) -> None:
@@ -276,13 +381,16 @@ def _forecast(page: Page, told: Morning, found: Forecast) -> None:
     page.code(boxes_text(notice_boxes(found), told.deployment))
 
 
-def _health(page: Page, health: DeploymentHealth) -> None:
+def _health(page: Page, morning: Morning, health: DeploymentHealth) -> None:
     page.section("Health")
     if health.alarm:
         first = health.kinds[0]
         noticed: dict[str, object] = {"what": first.says, "noticed after dive": health.noticed_dive}
         page.facts(noticed | kind_facts(first))
         page.table(health.likeliest(), "If there is a fault, which one:")
+    words = state_in_words(morning)
+    if said := [sentence(words[name]) for name in RATES if name in words]:
+        page.points(said)
     told = [k for k, channel in enumerate(CHANNELS) if channel.name not in health.lacking]
     if told and len(health.dives):
         if np.isfinite(health.evidence).any():
@@ -305,7 +413,7 @@ def _health(page: Page, health: DeploymentHealth) -> None:
                     "deviation": float(health.levels.deviation[-1, k]),
                     "unit": CHANNELS[k].unit,
                     "last innovation": last[k],
-                    "what it is": CHANNELS[k].says,
+                    "in words": words.get(CHANNELS[k].name) or f"{CHANNELS[k].says}: not known now",
                 }
                 for k in told
             ],
@@ -343,13 +451,16 @@ def _energy(page: Page, told: Morning) -> None:
             "current so far."
         )
     total = sum(one.energy for one in told.used.terms)
+    units = {one.name: UNITS.get(one.unit, (one.unit, 1.0)) for one in told.used.terms}
     page.table(
         [
             {
                 "consumer": one.name,
-                "factor": one.value,
-                "deviation": None if np.isnan(one.deviation) else one.deviation,
-                "unit": one.unit,
+                "factor": one.value * units[one.name][1],
+                "deviation": (
+                    None if np.isnan(one.deviation) else one.deviation * units[one.name][1]
+                ),
+                "unit": units[one.name][0],
                 "energy [kJ]": one.energy / 1e3,
                 "part": one.energy / total if total > 0.0 else None,
             }

@@ -1,4 +1,4 @@
-"""Deployments with faults, drawn, flown and stored as imported logs are."""
+"""Presets of simulated deployments with faults, stored as imported logs are."""
 
 from typing import TYPE_CHECKING
 

@@ -1,8 +1,8 @@
-"""Deployment: many dives of one vehicle in one sea, half of such with a fault, as its log has it.
+"""Deployment: many dives of one simulated vehicle in one sea, with or without a fault.
 
-A deployment is one long mission of preset `field`: stays at the surface with some hours of yos
-between, all to one depth at one pitch, on legs of some headings. It is flown in lanes, measured by
-the sensors of the preset, and told by what a glider logs: no truth, no gyroscopes.
+A deployment is one long mission of preset `field`: hours of yos between surface intervals, to one
+depth at one pitch, on legs of several headings. The batched engine flies it, the preset's sensors
+measure it. Its log holds what a glider logs: no truth, no gyroscopes.
 """
 
 from __future__ import annotations
@@ -44,66 +44,66 @@ from twin.physics import Lane, electric_signals, flown_abreast
 from twin.sensors import Dvl
 
 PERIODS = {"faulty": 4.0, "faulty-satellite": 60.0}
-"""[s] between samples of the presets: of files that are read after recovery, and of what is sent"""
+"""[s] Sample period of each preset: of recovered files, and of files sent by satellite"""
 DIVES = (20, 60)
-"""Stays at the surface of a deployment; each is followed by a dive, from fix to fix"""
+"""Fewest and most dives of a deployment, each from fix to fix"""
 HOURS = (2.0, 3.5)
-"""[h] under water between two of them, in which shallow vehicles make several yos"""
+"""[h] Shortest and longest dive under water, in which shallow vehicles make several yos"""
 STAY = 600.0
-"""[s] at the surface"""
+"""[s] Surface interval between dives"""
 LEG = (4, 10)
-"""Dives on one heading"""
+"""Fewest and most dives on one heading"""
 JITTER = 0.03
-"""Deviation from dive to dive of what a pilot sets, over its value"""
+"""Standard deviation from dive to dive of a setting, over its value"""
 HEALTHY_DIVES = 0.25
-"""Part of the dives, at the beginning, that are healthy at least"""
+"""Smallest fraction of the dives that are healthy, at the beginning"""
 ABOVE_FLOOR = (20.0, 50.0)
-"""[m] between the deepest turn and the floor, so that an altimeter hears it"""
+"""[m] Height of the deepest turn above the floor, so that an altimeter hears it"""
 CIRCLING = 3600.0
-"""[s] most of which no sound vehicle heads away from where it should"""
+"""[s] No sound vehicle heads away from its commanded heading for more than half of this time"""
 NOT_DRAWN = ("dvl_beam",)
-"""Faults of instruments that these deployments do not carry"""
+"""Faults of instruments that these vehicles lack"""
 _KEY = 0xFA17
-"""Of the streams of deployments"""
+"""Key of the random streams of deployments"""
 
 # --- internal waves ---------------------------------------------------------------------------
 WAVES = 16
-"""Sinusoids that make the water's vertical velocity"""
+"""Number of sinusoids in the water's vertical velocity"""
 WAVE_PERIODS = (480.0, 5400.0)
-"""[s] between the buoyancy period and what a dive hardly tells: w is about white between (Garrett
-and Munk 1979)"""
+"""[s] Shortest and longest period, from the buoyancy period to about a dive; the vertical velocity
+is nearly white between (Garrett and Munk 1979)"""
 WAVE_SPEED = (0.002, 0.012)
-"""[m/s] deviation of a deployment's vertical water velocity: what public logs show in the mean of
-some dives (docs/results/real_logs.md)"""
+"""[m/s] Smallest and largest standard deviation of the vertical water velocity, from public logs
+(docs/results/real_logs.md)"""
 WAVE_DEPTH = 20.0
-"""[m] at which a displacement has reached its size; none at the surface"""
+"""[m] Depth scale over which a displacement grows from 0 at the surface"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DeploymentDraw:
-    """What one deployment is flown and measured by."""
+    """Deployment sampled for flight and measurement."""
 
     number: int
     attempt: int
-    """Which of its draws it is"""
+    """Index of the sample; the first that can be flown is used"""
     scenario: Scenario
     dives: int
     fault: Fault | None
     onset: float
-    """Number of the first dive with the fault; NaN where it is healthy"""
+    """Number of the first dive with the fault; NaN without one"""
     sensor_seed: np.random.SeedSequence
     parameters: Parameters
     wave_speed: float
-    """[m/s]"""
+    """[m/s] Standard deviation of the vertical water velocity"""
 
     @property
     def name(self) -> str:
-        """As stores call it."""
+        """Name in stores."""
         return f"{self.scenario.vehicle.name}-{self.number:05d}"
 
     @property
     def kind(self) -> str:
-        """Of its fault; `none` where it is healthy."""
+        """Kind of the fault; `none` without one."""
         return "none" if self.fault is None else self.fault.kind
 
 
@@ -112,13 +112,13 @@ def _stream(seed: int, *key: int) -> np.random.SeedSequence:
 
 
 def fault_kinds(vehicle: Vehicle, wanted: Sequence[str] = ()) -> tuple[str, ...]:
-    """Kinds of faults that deployments of a vehicle draw.
+    """Kinds of faults that a vehicle's deployments sample.
 
     Args:
-      wanted: these alone; all that it can have by default.
+      wanted: kinds to sample; default: all that the vehicle can have.
 
     Raises:
-      InputError: it cannot have one of them.
+      InputError: the vehicle cannot have a wanted kind.
     """
     possible = tuple(name for name in faults_of(vehicle) if name not in NOT_DRAWN)
     for name in wanted:
@@ -132,15 +132,15 @@ def fault_kinds(vehicle: Vehicle, wanted: Sequence[str] = ()) -> tuple[str, ...]
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DeploymentPlan:
-    """What deployments are made of; everything that their bytes depend on."""
+    """Settings of simulated deployments; their bytes depend on nothing else."""
 
     vehicle: Vehicle
     preset: str = "faulty"
     seed: int = 0
     kinds: tuple[str, ...] = ()
-    """Faults that are drawn; () is all that the vehicle can have"""
+    """Kinds of faults that are sampled; () means all that the vehicle can have"""
     size: float | None = None
-    """of every fault; None draws it"""
+    """Size of every fault; None samples it"""
 
     def __post_init__(self) -> None:
         if self.preset not in PERIODS:
@@ -155,18 +155,18 @@ class DeploymentPlan:
 
     @property
     def period(self) -> float:
-        """[s] between samples."""
+        """[s] Sample period."""
         return PERIODS[self.preset]
 
     @functools.cached_property
     def tables(self) -> tuple[Table, dict[str, Distribution]]:
-        """Parameters and what they are drawn from."""
+        """Parameters and their distributions."""
         table = parameter_table(self.vehicle)
         fixed: dict[str, str | float] = {"mission.kind": "saw-tooth"}
         return table, override(declared("field", table), fixed)
 
     def draw(self, index: int, attempt: int, faulty: bool) -> DeploymentDraw:
-        """Draw one deployment, with a fault or without.
+        """Sample one deployment, with a fault or without.
 
         Raises:
           MissionError, NoSteadyState: the vehicle cannot fly it.
@@ -200,7 +200,7 @@ class DeploymentPlan:
             engine="lanes",
             sample_period=self.period,
         )
-        # refused here and not in flight, where the others of its block would wait for another draw
+        # refused here and not in flight, where its block would wait for another sample
         scenario.mission_in_metres().compile(believed)
         return DeploymentDraw(
             number=index,
@@ -216,7 +216,7 @@ class DeploymentPlan:
 
 
 def faulty_of(seed: int, index: int) -> bool:
-    """Whether a deployment has a fault: one of each pair has."""
+    """True for deployments with a fault: one of each pair."""
     first = bool(np.random.default_rng(_stream(seed, index // 2, 0xC0)).integers(2))
     return first == (index % 2 == 0)
 
@@ -228,11 +228,11 @@ def _mission(
     values: Any,
     rng: np.random.Generator,
 ) -> tuple[Mission, list[float]]:
-    """The plan, and about how long [s] each dive with its stay takes."""
+    """Mission, and the approximate duration [s] of each dive with its surface interval."""
     names = ("max_depth_m", "pitch_deg", "climb_pitch_deg", "net_mass_kg", "climb_net_mass_kg")
     set_to = {name: number(drawn, f"mission.{name}") for name in (*names, "min_depth_m")}
     shallow = set_to.pop("min_depth_m")
-    one_yo = 0.0  # [s] of one dive and climb at their steady speeds
+    one_yo = 0.0  # [s] duration of a dive and climb at steady speeds
     for sign, way in ((1.0, ""), (-1.0, "climb_")):
         pitch, mass = f"{way}pitch_deg", f"{way}net_mass_kg"
         steady = track_to_follow(
@@ -265,7 +265,7 @@ def _mission(
 def _fault(
     plan: DeploymentPlan, dives: int, lengths: Sequence[float], rng: np.random.Generator
 ) -> tuple[Fault, float]:
-    """A fault that the vehicle can have, and the number of the dive with which it begins."""
+    """Sample a fault that the vehicle can have, and its first dive."""
     kind = FAULTS[plan.kinds[int(rng.integers(len(plan.kinds)))]]
     least, most = kind.sizes
     size = float(np.exp(rng.uniform(math.log(least), math.log(most)))) if most > least else most
@@ -286,9 +286,9 @@ def _fault(
 def fly_deployments(
     draws: Sequence[DeploymentDraw], suite: SensorSuite
 ) -> Iterator[tuple[int, dict[str, Array] | TwinError]]:
-    """The signals of each deployment over its whole time, (n,), with its index, or what was wrong.
+    """Fly deployments; yield each one's index with its signals, (n,), or the error.
 
-    They come in any order, each made when it is asked for.
+    Deployments come in any order.
     """
     lanes, places = [], []
     for index, draw in enumerate(draws):
@@ -312,7 +312,7 @@ def fly_deployments(
 
 
 def check_steered(draw: DeploymentDraw, flown: Trajectory) -> None:
-    """Raise Impossible where a vehicle circled before it had a fault: no pilot flies on so."""
+    """Raise Impossible where a vehicle circled before its fault, as no pilot would let it."""
     sound = math.inf if draw.fault is None else draw.fault.start
     used = (flown.time < sound) & (flown["true_depth"] > 1.0)
     off = np.deg2rad(flown["true_heading"] - flown["commanded_heading"])[used]
@@ -326,7 +326,7 @@ def check_steered(draw: DeploymentDraw, flown: Trajectory) -> None:
 def measured(
     draw: DeploymentDraw, flown: Trajectory, lane: Lane, suite: SensorSuite
 ) -> dict[str, Array]:
-    """What a glider logs of a flight, each (n,)."""
+    """Signals that a glider logs of a flight, each (n,)."""
     scenario, period = draw.scenario, draw.scenario.sample_period
     rng = np.random.default_rng(draw.sensor_seed.spawn(1)[0])
     moved = heave_of_waves(flown, draw.wave_speed, rng)
@@ -353,9 +353,9 @@ def measured(
 
 
 def heave_of_waves(flown: Trajectory, speed: float, rng: np.random.Generator) -> Array:
-    """[m] by which internal waves have moved the water down at each sample, (n,).
+    """[m] Downward displacement of the water by internal waves at each sample, (n,).
 
-    The vehicle moves with it; its flight through the water is the same.
+    The vehicle moves with the water; its flight through the water is unchanged.
     """
     low, high = (math.log(1.0 / period) for period in WAVE_PERIODS[::-1])
     rate = 2.0 * math.pi * np.exp(rng.uniform(low, high, WAVES))

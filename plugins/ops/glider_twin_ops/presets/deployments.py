@@ -1,9 +1,9 @@
-"""Deployments: many dives of one vehicle in one sea, half of them with a fault, as a store of logs.
+"""Deployments: a store of logs of simulated deployments, half of them with a fault.
 
     make_deployments("faulty.zarr", vehicle="slocum-200", hours=2000.0, seed=3)
 
-The store is of the form that `factory import` writes, so that whatever reads logs reads it; on its
-dimension `deployment` it says what was wrong, from which dive on, and how much.
+The store has the form that `factory import` writes, so that every reader of logs reads it. Its
+dimension `deployment` holds each fault's kind, first dive and size.
 """
 
 from __future__ import annotations
@@ -51,24 +51,24 @@ SATELLITE_SIGNALS = (
     "measured_pump", "measured_shift", "measured_rotation", "measured_fin", "measured_vacuum",
     "measured_voltage", "measured_charge", "commanded_heading", "commanded_pitch",
 )  # fmt: skip
-"""What a satellite carries"""
+"""Signals that are sent by satellite"""
 UNLOGGED = ("measured_gps", "measured_dvl", "measured_specific", "measured_onboard")
-"""Beginnings of the names of signals that no glider logs, or whose log is of fixes"""
+"""First letters of signals that no glider logs, or that are logged as fixes"""
 CHUNK = 8
-"""Deployments that fly together, the width of a narrow block of lanes"""
+"""Number of deployments that fly together in one batch"""
 ATTEMPTS = 20
-"""Draws of a deployment until one can be flown"""
+"""Most samples of a deployment until one can be flown"""
 FAULT_KIND, FAULT_ONSET, FAULT_SIZE = "fault_kind", "fault_onset_dive", "fault_size"
 LABELS, NAME = "fault_labels", "deployment_name"
-"""JSON of each deployment's fault with all of its settings"""
+"""Variables: JSON of each deployment's fault with all settings; the deployment's name"""
 HEALTHY = "none"
-"""The kind of fault of a deployment without one"""
+"""Kind of fault of a deployment without one"""
 KIND = "simulated"
-"""What such a store calls its kind of log"""
+"""Kind of log in the store"""
 
 
 class MadeDeployments(NamedTuple):
-    """What was made."""
+    """Summary of a store that was made."""
 
     store: Path
     deployments: int
@@ -91,18 +91,18 @@ def make_deployments(
     overwrite: bool = False,
     watch: Callable[[float], None] = lambda hours: None,
 ) -> MadeDeployments:
-    """Make a store of deployments, whole or not at all; the same bytes whatever the workers.
+    """Make a store of deployments, whole or not at all; equal bytes for any number of workers.
 
     Args:
-      hours: [h] of all deployments together, at least; or `count`, how many; an even number is
-        made, of which exactly half have a fault.
-      kinds: of faults that are drawn, by default all that the vehicle can have.
-      size: of the faults, by default drawn from their kind's range.
-      watch: called with hours as deployments are done, which add up to `hours` where it is given.
+      hours: [h] least duration of all deployments together; or `count`, their number. An even
+        number is made, of which exactly half have a fault.
+      kinds: kinds of faults that are sampled, by default all that the vehicle can have.
+      size: size of the faults, by default sampled from their kind's range.
+      watch: called with the hours that are done, which add up to `hours` where that is given.
 
     Raises:
-      InputError: nothing to make, a fault that the vehicle cannot have. WriteError: something is
-        in the way. TwinError: no draw of a deployment can be flown.
+      InputError: nothing to make, or a fault that the vehicle cannot have. WriteError: the target
+        exists. TwinError: no sample of a deployment can be flown.
     """
     check_target(out, overwrite=overwrite)
     plan = DeploymentPlan(
@@ -117,7 +117,7 @@ def make_deployments(
     else:
         draws = [first_draw(plan, index) for index in range(count + count % 2)]
     pieces = [draws[first : first + CHUNK] for first in range(0, len(draws), CHUNK)]
-    # whole deployments last longer than was asked for
+    # whole deployments last longer than `hours`
     share = asked / sum(draw.scenario.run_time() / 3600.0 for draw in draws) if not count else 1.0
     with whole_folder(out, overwrite=overwrite, ours=is_store) as folder:
         beside = folder.parent / "pieces"
@@ -133,7 +133,7 @@ def make_deployments(
 
 
 def _lasting(plan: DeploymentPlan, hours: float) -> list[DeploymentDraw]:
-    """Deployments that last so many hours together; an even number of them."""
+    """Sample an even number of deployments that last `hours` [h] together."""
     if not 0.0 < hours < 1e9:
         raise InputError(f"--hours {hours:g} must be above 0 and below 1e9")
     total, draws = 0.0, list[DeploymentDraw]()
@@ -144,14 +144,14 @@ def _lasting(plan: DeploymentPlan, hours: float) -> list[DeploymentDraw]:
 
 
 def first_draw(plan: DeploymentPlan, index: int, attempt: int = 0) -> DeploymentDraw:
-    """A deployment's first draw from an attempt on that the vehicle's guidance can fly."""
+    """First sample of a deployment, from an attempt on, that the vehicle's guidance can fly."""
     faulty, problem = faulty_of(plan.seed, index), ""
     for again in range(attempt, ATTEMPTS):
         try:
             return plan.draw(index, again, faulty)
         except TwinError as error:
             if isinstance(error, InputError) and not isinstance(error, MissionError):
-                raise  # what was asked for is wrong, and not the draw
+                raise  # the request is wrong, not the sample
             problem = str(error)
     raise TwinError(f"deployment {index}: {ATTEMPTS} draws cannot be flown; the last: {problem}")
 
@@ -159,9 +159,9 @@ def first_draw(plan: DeploymentPlan, index: int, attempt: int = 0) -> Deployment
 def flown_logs(
     plan: DeploymentPlan, draws: Sequence[DeploymentDraw]
 ) -> list[tuple[DeploymentDraw, DeploymentLog]]:
-    """Deployments with what the vehicle logged of them, in order.
+    """Fly deployments; return each with its log, in order.
 
-    One that came to harm is drawn and flown again.
+    A deployment that fails in flight is sampled and flown again.
     """
     suite = SensorSuite.preset("field")
     waiting = list(draws)
@@ -179,7 +179,7 @@ def flown_logs(
 
 
 def log_of(draw: DeploymentDraw, signals: dict[str, Array], plan: DeploymentPlan) -> DeploymentLog:
-    """Signals of a flight as a vehicle's log."""
+    """Log of a flight's signals."""
     place, vehicle = draw.scenario.place, draw.scenario.vehicle
     time = unix_seconds(str(place.time)) + signals["time"]
     rudders = {f"measured_{part.name}" for part in vehicle.parts if isinstance(part, Fin)}
@@ -207,7 +207,7 @@ def log_of(draw: DeploymentDraw, signals: dict[str, Array], plan: DeploymentPlan
 
 
 def _piece(job: tuple[DeploymentPlan, Sequence[DeploymentDraw], Path]) -> float:
-    """Fly some deployments into a store of their own; their hours [h]."""
+    """Fly a chunk of deployments into a store of its own; return their hours [h]."""
     plan, draws, path = job
     flown = flown_logs(plan, draws)
     write_zarr(dataset_of_logs(flown, plan), path)
@@ -217,10 +217,10 @@ def _piece(job: tuple[DeploymentPlan, Sequence[DeploymentDraw], Path]) -> float:
 def dataset_of_logs(
     flown: Sequence[tuple[DeploymentDraw, DeploymentLog]], plan: DeploymentPlan
 ) -> xr.Dataset:
-    """Deployments as `factory import` would store their logs, with what was wrong."""
+    """Data set of deployments as `factory import` stores logs, with their faults."""
     import xarray as xr
 
-    parts = [  # one by one: a store is sorted by time, and these by their number
+    parts = [  # one by one: together they would be sorted by time
         dives_dataset(
             [log], kind=KIND, period=plan.period, rules=DiveRules(), tally=Tally(),
             files=[log.deployment],
@@ -240,7 +240,7 @@ def dataset_of_logs(
          [json.dumps({} if d.fault is None else d.fault.describe()) for d, _ in flown]),
         (NAME, object, "name, as in `deployment`", [d.name for d, _ in flown]),
     )  # fmt: skip
-    # the dimension has the name of an array over missions: a coordinate, were it assigned
+    # the dimension shares its name with an array over missions, which `assign` would overwrite
     variables = {str(name): dataset[name].variable for name in dataset.variables}
     added: dict[str, Any] = {
         name: (DEPLOYMENT, np.array(values, kind), {"long_name": says})
@@ -253,7 +253,7 @@ def dataset_of_logs(
 
 
 def _onset(draw: DeploymentDraw, dives: xr.Dataset) -> float:
-    """Number of the first dive of the log that the fault is in."""
+    """Number of the log's first dive with the fault."""
     if draw.fault is None:
         return math.nan
     begin = unix_seconds(str(draw.scenario.place.time)) + draw.fault.start
@@ -263,9 +263,9 @@ def _onset(draw: DeploymentDraw, dives: xr.Dataset) -> float:
 
 
 def _joined(files: Sequence[Path], folder: Path) -> tuple[int, float, int]:
-    """Join stores of some deployments each into one; dives, days and faulty deployments.
+    """Join stores of deployments into one; return dives, days and faulty deployments.
 
-    One of them is in memory at a time.
+    One store is in memory at a time.
     """
     import xarray as xr
 

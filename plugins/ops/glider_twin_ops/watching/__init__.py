@@ -1,4 +1,4 @@
-"""Watching: a deployment at sea as a folder that is brought up to date, pass by pass.
+"""Watching: keep the folder of a deployment at sea up to date, one pass after another.
 
 deployment = WatchedDeployment.read("calypso")
 one_pass(deployment)

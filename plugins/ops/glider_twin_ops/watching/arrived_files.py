@@ -1,8 +1,8 @@
-"""Arrived files: what a source folder holds at a moment, by name and content.
+"""Arrived files: names and contents of the files in a source folder at one moment.
 
-A digest stands for all that an import of them reads: logs, what people said of them, lists of
-sensors, a mapping, settings and the reader's version. The same content under two names counts once,
-under the shorter name, so that a copy changes nothing.
+A digest covers everything that an import reads: logs, metadata files, lists of sensors, a mapping,
+settings and the reader's version. Content that lies under two names counts once, under the shorter
+name, so that a copy changes nothing.
 """
 
 from __future__ import annotations
@@ -25,42 +25,42 @@ from twin.errors import InputError, OddFile
 from twin.lazy import resolve
 
 FETCHED = "fetched"
-"""Folder in the deployment's for what a server sent"""
+"""Folder, inside the deployment's, that holds files fetched from a server"""
 EMPTY = hashlib.sha256().hexdigest()
-"""SHA-256 of a file without a byte"""
+"""SHA-256 of an empty file"""
 FILES, CACHE, MAPPING = "files", "cache", "mapping"
-"""Folders of a copy: logs and texts beside them, a Slocum's lists of sensors, what columns are"""
+"""Subfolders of a copy: logs with their metadata, a Slocum's lists of sensors, a table's mapping"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ArrivedFiles:
-    """The files of one kind in a source folder, and all else that an import of them reads."""
+    """Log files of one kind in a source folder, and everything else that their import reads."""
 
     source: Source
     kind: str
-    """of the logs; empty: no file tells it"""
+    """Kind of the logs; empty where no file reveals it"""
     places: dict[str, Path]
-    """Where each file is, by its path in a copy"""
+    """Path of each file in the source, by its path in a copy"""
     sums: dict[str, str]
-    """SHA-256 by the path in a copy"""
+    """SHA-256 of each file, by its path in a copy"""
     refused: dict[str, str]
-    """Why a file could not be read to its end, by its path"""
+    """Reason why a file could not be read to its end, by the file's path"""
     missing: str = ""
-    """Why there is nothing to import; empty where there is"""
+    """Reason why nothing can be imported; empty where something can"""
     reading: str = ""
-    """What else the import depends on"""
+    """Settings and reader's code on which the import also depends"""
 
     @property
     def digest(self) -> str:
-        """Of names, contents and how they are read: equal where the import must be equal."""
+        """Digest of names, contents and reading: equal digests mean equal imports."""
         files = [f"{name} {self.sums[name]}" for name in sorted(self.sums)]
         text = "\n".join([__version__, self.kind, self.reading, *files])
         return hashlib.sha256(os.fsencode(text)).hexdigest()  # names need be no UTF-8
 
     def copied(self, folder: Path) -> ArrivedFiles:
-        """Copies of all files in a folder, for a reader: whoever copies them here may still write.
+        """Copy all files into a folder for the reader, because files in the source may still grow.
 
-        Files that went away meanwhile are among the refused.
+        A file that vanished meanwhile is listed in `refused`.
         """
         sums: dict[str, str] = {}
         refused = dict(self.refused)
@@ -76,16 +76,16 @@ class ArrivedFiles:
 
 
 def folder_of(deployment: WatchedDeployment) -> Path:
-    """The folder that a deployment's files are in: the source, or where a server's are kept."""
+    """Folder of a deployment's files: the source, or the folder of files fetched from a server."""
     if "://" in deployment.source:
         return deployment.folder / FETCHED
     return deployment.place(deployment.source)
 
 
 def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
-    """What is in the deployment's source now; of a server, after its newest days were fetched.
+    """List the files that the deployment's source holds now; fetch a server's newest days first.
 
-    A server that does not answer leaves what it sent before, and is among the refused.
+    Where a server does not answer, its earlier files stay, and `refused` names the source.
 
     Raises:
       InputError: the source is a file.
@@ -114,7 +114,7 @@ def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
     kind = _kind_of(source, names) if kind == AUTO else kind
     importer = IMPORTERS[kind] if kind else None
     logs = [name for name in names if importer and importer.accepts(source / name)]
-    # each content once, under its shortest name; empty files all
+    # each content counts once, under its shortest name; every empty file stays
     every = _sums({f"{FILES}/{name}": source / name for name in logs}, refused)
     first: dict[str, str] = {}
     for name in sorted(every, key=lambda one: (len(one), one)):
@@ -133,7 +133,7 @@ def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
 
 
 def _missing(deployment: WatchedDeployment, source: Path, names: Sequence[str], kind: str) -> str:
-    """Why there is nothing to import."""
+    """Say why there is nothing to import."""
     if not source.exists():
         return f"the source {source} is not there"
     if names:
@@ -150,8 +150,7 @@ def _missing(deployment: WatchedDeployment, source: Path, names: Sequence[str], 
 
 
 def kind_of(deployment: WatchedDeployment) -> str:
-    """Kind of its logs: its settings', or what the files that are there now look like; empty where
-    nothing tells."""
+    """Kind of a deployment's logs, by its settings or by the files there now; empty if unknown."""
     if deployment.kind != AUTO:
         return deployment.kind
     source = folder_of(deployment)
@@ -159,7 +158,7 @@ def kind_of(deployment: WatchedDeployment) -> str:
 
 
 def _names(source: Path, *, recursive: bool) -> list[str]:
-    """Paths of the files below a folder; hidden ones are still being written by whoever copies."""
+    """List the paths of files below a folder, without hidden ones, which are still being copied."""
     if not source.is_dir():
         return []
     every = source.rglob("*") if recursive else source.iterdir()
@@ -168,7 +167,7 @@ def _names(source: Path, *, recursive: bool) -> list[str]:
 
 
 def _kind_of(source: Path, names: Sequence[str]) -> str:
-    """The kind of the first file that looks like one; empty where none does."""
+    """Kind of the first file whose kind is recognised; empty where none is."""
     for path in (source / name for name in names):
         try:
             if path.stat().st_size and (kind := sniff(path)) is not None:
@@ -176,12 +175,12 @@ def _kind_of(source: Path, names: Sequence[str]) -> str:
         except OF_THE_MACHINE:
             raise
         except Exception:
-            continue  # half of a file tells nothing; another one may
+            continue  # a cut file may hide its kind, which another one may show
     return ""
 
 
 def _sums(places: dict[str, Path], refused: dict[str, str]) -> dict[str, str]:
-    """SHA-256 of the files that can be read; why the others cannot comes to the refused."""
+    """SHA-256 of each readable file; `refused` gets the reason for each other one."""
     sums = {}
     for name, path in places.items():
         try:
@@ -202,7 +201,7 @@ def _sum(path: Path) -> str:
 def _beside(
     deployment: WatchedDeployment, source: Path, names: Sequence[str], importer: Importer | None
 ) -> dict[str, Path]:
-    """What an import reads beside the logs, by its path in a copy."""
+    """Files that an import reads beside the logs, by their paths in a copy."""
     if importer is None:
         return {}
     said = {*METADATA, *importer.beside}
@@ -218,13 +217,12 @@ def _beside(
 
 
 def _reading(deployment: WatchedDeployment, importer: Importer | None) -> str:
-    """Settings that change what an import makes of the files, and the code of a reader that has not
-    this program's version."""
+    """Settings that change an import, and a hash of the reader's code where a plugin brings it."""
     parts = [f"recursive {deployment.recursive} variation {deployment.variation_deg}"]
     if importer is None:
         return parts[0]
     if importer.takes_mapping and not deployment.place(deployment.mapping).is_file():
-        parts.append(f"mapping {deployment.mapping}")  # the name of a shipped one
+        parts.append(f"mapping {deployment.mapping}")  # the name of a shipped mapping
     if importer.takes_cache:
         parts.append(f"cache {bool(deployment.cache)}")
     read = importer.read

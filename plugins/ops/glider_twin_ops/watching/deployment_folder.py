@@ -1,4 +1,4 @@
-"""Deployment folder: what is watched, and what `deployment.toml` in it says.
+"""Deployment folder: the files of one watched deployment, and its settings, `deployment.toml`.
 
 calypso/
   deployment.toml   vehicle, source, plan, batteries: written once, edited by people
@@ -31,12 +31,12 @@ from twin.water.current import check_field
 
 SETTINGS = "deployment.toml"
 AUTO = "auto"
-"""Kind of log that the files themselves tell"""
+"""Value of `kind` that leaves the kind of log to the look of the files"""
 FIRST_LINE = "# Written by `twin watch --new`. Edit it: the next pass takes it as it is then.\n"
 
 
 def _key(default: Any, says: str) -> Any:
-    """A key of the file, with what the file says of it; empty texts and 0 leave it open."""
+    """Field that is a key of the file, with its comment; an empty text or 0 leaves it open."""
     return dataclasses.field(default=default, metadata={"says": says})
 
 
@@ -111,7 +111,7 @@ class WatchedDeployment:
             self.own_vehicle()
             check_members(self.members)
             check_hours(self.hours)
-            if self.goto:  # its dives will tell the depth, as the pitch
+            if self.goto:  # depth and pitch stand in for those of dives to come
                 deep, every = self.depth_m or 100.0, 3600.0 * (self.surface_every_h or 3.0)
                 usual = {"pitch_deg": 26.0, "radius": 500.0}
                 mission_to(self.goto, depth=deep, surface_after_s=every, **usual)
@@ -123,7 +123,7 @@ class WatchedDeployment:
         self.harbour  # noqa: B018 - refuses what is no place
 
     def own_vehicle(self) -> Vehicle | None:
-        """That of `vehicle`; None where it is empty.
+        """Load the vehicle that the setting `vehicle` names; None where the setting is empty.
 
         Raises:
           VehicleError: no such file or name, or a file that cannot be flown.
@@ -134,12 +134,12 @@ class WatchedDeployment:
         return load_vehicle(path if path.is_file() else self.vehicle)
 
     def vehicle_of(self, log: Path) -> Vehicle:
-        """That of `vehicle`, or the shipped one of the kind of a log."""
+        """Vehicle of the settings, or else the shipped vehicle for the kind of a log."""
         return self.own_vehicle() or start_vehicle(log)
 
     @property
     def field(self) -> str:
-        """The text of `current`, a file in it from the deployment's folder on."""
+        """Setting `current`, with a file in it resolved against the deployment's folder."""
         kind, colon, path = self.current.rpartition(":")
         place = self.place(path)
         return f"{kind}{colon}{place}" if path and place.exists() else self.current
@@ -161,7 +161,7 @@ class WatchedDeployment:
 
     @classmethod
     def read(cls, folder: Path | str) -> WatchedDeployment:
-        """The deployment of a folder.
+        """Read the deployment of a folder.
 
         Raises:
           InputError: no such folder, no settings in it, or a setting that cannot be used.
@@ -184,7 +184,7 @@ class WatchedDeployment:
 
     @classmethod
     def meanings(cls) -> dict[str, str]:
-        """What each key of the file says."""
+        """Comment of each key of the file."""
         return {
             field.name: field.metadata["says"]
             for field in dataclasses.fields(cls)
@@ -195,7 +195,7 @@ class WatchedDeployment:
         """Make the folder with the settings.
 
         Raises:
-          WriteError: one is there, something else is in the way, or the disk refuses.
+          WriteError: settings are there already, the folder is taken, or the disk refuses.
         """
         path = self.folder / SETTINGS
         if path.exists():
@@ -210,7 +210,7 @@ class WatchedDeployment:
         return path
 
     def place(self, name: str) -> Path:
-        """A path in the settings: absolute, or from the deployment's folder on."""
+        """Resolve a path of the settings against the deployment's folder; absolute paths stay."""
         return self.folder / Path(name).expanduser()
 
     def settings(self) -> dict[str, Any]:

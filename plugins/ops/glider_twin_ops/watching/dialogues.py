@@ -1,17 +1,17 @@
-"""Dialogues: what a vehicle says at the surface, minutes before its data.
+"""Dialogues: fix, voltages and reasons that a vehicle sends at the surface, before its data.
 
-A Slocum says it on its console. A dockserver keeps it as `*.log`. A surfacing begins with the
-vehicle's name; later ones of the same stay repeat it with newer values. Positions are degrees and
-minutes in one number, times UTC. The lines are those of the public readers sfmc-api and gncutils:
+A dockserver keeps a Slocum's console as `*.log`. A dialogue begins with the vehicle's name; later
+dialogues of one surface interval have newer values. A position is degrees and minutes in one
+number; times are UTC. The lines are those that the public readers sfmc-api and gncutils read:
 `GPS Location:`, `Curr Time:`, `sensor:NAME(UNIT)=VALUE AGE secs ago`, `Because:`, `ABORT HISTORY:`.
 
 A Seaglider calls its base station, which keeps every call in `comm.log`. A call begins with
-`Connected at`. Its counter line has what the vehicle says first, with colons between: dive, calls,
-errors, pitch, depth, voltages, pressure and humidity inside; then its fix as
-`GPS,ddmmyy,hhmmss,latitude,longitude,...` in degrees and minutes in one number, UTC. `EOP_CODE` and
-`RECOV_CODE` say why a dive ended and why it stays up. The order of the counters is that of the
-public package basestation3, for the vehicle's software from 66.09 on; earlier ones have fewer, of
-which the dive's number alone is taken.
+`Connected at`. A counter line follows, numbers with colons between: dive, calls, errors, pitch,
+depth, voltages, and the pressure and humidity inside the hull. The fix stands behind the counters:
+`GPS,ddmmyy,hhmmss,latitude,longitude,...`, degrees and minutes in one number, UTC. `EOP_CODE` says
+why a dive ended, `RECOV_CODE` why the vehicle stays up. The counters' order is that of the public
+package basestation3 for vehicle software from 66.09 on; from older software only the dive's number
+is read.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from twin.bounded import check_regular
 from twin.errors import OddFile
 
 MOST = 20 * 2**20
-"""[byte] of a file that are read, its last ones"""
+"""[byte] Length of a file's end that is read"""
 OLD = 86400.0
-"""[s] since it was measured, from which a value says nothing of this surfacing"""
+"""[s] Age from which a value no longer describes this surfacing"""
 NAME = re.compile(r"Vehicle Name:\s*(\S+)")
 TIME = re.compile(r"Curr Time:\s+\w{3}\s+(\w{3}\s+\d+\s+[\d:]{8}\s+\d{4})")
 FIX = re.compile(r"GPS Location:\s+(-?[\d.]+)\s+N\s+(-?[\d.]+)\s+E\s+measured\s+(\S+)\s+secs")
@@ -40,7 +40,7 @@ ABORTS = re.compile(r"ABORT HISTORY: total since reset:\s*(\d+)")
 
 
 def read_dialogues(paths: Sequence[Path]) -> list[SurfaceDialogue]:
-    """Every surfacing in the logs of a console."""
+    """Read every surfacing in console logs."""
     told = (_surfacing(part) for path in paths for part in _parts(last_text(path), NAME))
     return [one for one in told if one is not None]
 
@@ -51,13 +51,13 @@ def last_text(path: Path) -> str:
         check_regular(path)
         with path.open("rb") as file:
             file.seek(max(path.stat().st_size - MOST, 0))
-            return file.read().decode("latin-1")  # a console has any bytes
+            return file.read().decode("latin-1")  # a console log may hold any byte
     except (OddFile, OSError):
-        return ""  # a file that is still being written, or has gone, says it the next time
+        return ""  # a file that is being written, or is gone, is left to a later pass
 
 
 def _parts(text: str, begin: re.Pattern[str]) -> list[str]:
-    """Text from each match of a pattern to the next."""
+    """Split a text at each match of a pattern."""
     begins = [one.start() for one in begin.finditer(text)]
     return [text[a:b] for a, b in itertools.pairwise([*begins, len(text)])]
 
@@ -89,7 +89,7 @@ def _surfacing(text: str) -> SurfaceDialogue | None:
 
 
 def _number(word: str) -> float | None:
-    """The number that a word is; None where it is none."""
+    """Convert a word to a number; None where it is none."""
     try:
         return float(word)
     except ValueError:
@@ -97,8 +97,8 @@ def _number(word: str) -> float | None:
 
 
 def _place(*words: str) -> tuple[float, float] | None:
-    """Degrees of latitude and longitude as degrees and minutes in one number, such as -11741.800;
-    None where it is no place."""
+    """Latitude and longitude [degree] of words such as -11741.800, degrees and minutes in one
+    number; None where they are no place."""
     values = [value for value in map(_number, words) if value is not None]
     if len(values) < len(words):
         return None
@@ -107,7 +107,7 @@ def _place(*words: str) -> tuple[float, float] | None:
 
 
 def _clock(text: str, forms: Sequence[str]) -> float | None:
-    """[s] unix of a time in UTC that has one of some forms; None of others."""
+    """[s] unix of a UTC time in the first form that fits; None where none does."""
     for form in forms:
         try:
             moment = datetime.datetime.strptime(text, form)
@@ -121,27 +121,27 @@ CALL = re.compile(r"^Connected at (.+)$", re.MULTILINE)
 VEHICLE = re.compile(r"[(\[](sg\d+)[)\]]", re.IGNORECASE)
 COUNTERS = re.compile(r"^(-?\d+(?::-?[\d.]+){3,})(?: (.*))?$", re.MULTILINE)
 CALL_FIX = re.compile(r"GPS,(\d{6}),(\d{6}),(-?[\d.]+),(-?[\d.]+),(?:-?[\d.]+,(-?[\d.]+),)?")
-"""Behind the place: seconds to the first fix, and the dilution of precision"""
+"""Pattern of a fix; group 5 is the dilution of precision, behind the seconds to the first fix"""
 NO_DILUTION = 99.0
-"""Receivers write it, and 99.9, without a fix"""
+"""Dilution from which there was no fix: receivers then write 99 or 99.9"""
 CODES = {
     "dive ended by": re.compile(r"^EOP_CODE=(\w+)", re.MULTILINE),
     "stays up by": re.compile(r"^RECOV_CODE=(\w+)", re.MULTILINE),
 }
 NO_REASON = ("CONTROL_FINISHED_OK", "NO_RECOVERY_REASON")
-"""Codes of a usual dive"""
+"""Codes of a dive that ended as planned"""
 FIRST = {"dive": (0, ""), "reboots": (5, ""), "pitch": (10, "degree"), "depth": (11, "m")}
-"""Place in the counter line and unit, where it has the voltages"""
+"""Place and unit of each value in a counter line that has voltages"""
 BEHIND = {16: 12, 17: 13, 20: 13}
-"""Place of the first of what stands behind, by the number of counters"""
+"""Place of the first voltage, by the number of counters in the line"""
 UNITS = {"battery_10V": "V", "battery_24V": "V", "internal_pressure": "psi", "humidity": "%"}
-"""What stands there, one after the other"""
+"""Values from that place on, in order, with their units"""
 CLOCKS = ("%Y-%m-%dT%H:%M:%SZ", "%a %b %d %H:%M:%S UTC %Y", "%a %b %d %H:%M:%S GMT %Y")
-"""Of a base station; one in another zone is not known, and the fix has the time"""
+"""Forms of a base station's time; where none fits, as in another zone, the fix gives the time"""
 
 
 def read_calls(paths: Sequence[Path]) -> list[SurfaceDialogue]:
-    """Every call in which the vehicle said something."""
+    """Read every call in which the vehicle sent its counters."""
     found: list[SurfaceDialogue] = []
     for path in paths:
         text = last_text(path)
@@ -152,7 +152,7 @@ def read_calls(paths: Sequence[Path]) -> list[SurfaceDialogue]:
 
 
 def _call(text: str, vehicle: str) -> SurfaceDialogue | None:
-    """One call; None where it broke off before the vehicle said anything, or has no time."""
+    """Read one call; None without counters or without a time."""
     connected, counters = CALL.search(text), COUNTERS.search(text)
     if connected is None or counters is None:
         return None
@@ -183,7 +183,7 @@ def _sensors(counters: Sequence[str]) -> dict[str, tuple[float, str]]:
 
 
 def _fix(text: str) -> tuple[tuple[float, float] | None, float | None]:
-    """Latitude, longitude [degree] and [s] unix; None where the line has none."""
+    """Fix in a line: latitude and longitude [degree], and time [s] unix; None, None without one."""
     found = CALL_FIX.search(text)
     if found is None or (_number(found[5] or "") or 0.0) >= NO_DILUTION:  # the receiver had no fix
         return None, None

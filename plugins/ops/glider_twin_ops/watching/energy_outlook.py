@@ -1,7 +1,7 @@
 """Energy outlook: days left for the plan and for changes of it, and the last day to turn home.
 
-The power of the plan is what the dives so far took. What a change adds to it is told by the twin:
-both are flown, in still water, by the vehicle with the deployment's own consumption.
+The plan's power continues that of the dives so far. The twin computes the power that a change adds:
+it flies plan and change in still water, with the consumption estimated from the deployment.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from twin.logs import Endurance, EnergyUse
 
 DEEPER, STEEPER_DEG = 1.5, 6.0
 LESS = {"half the samples": ("payload", 0.5), "thruster off": ("thruster", 1.0)}
-"""Consumer and part of its power that a change saves"""
+"""Consumer and fraction of its power that each change saves"""
 SAFE, OWN_DAYS, STEPS = 0.05, 2.0, 500
-"""Part of the draws that may not get home from the last safe day; [d] after which a current is
-another one, as forecasts have it; and days that are looked at"""
+"""Fraction of draws that may fail to reach home when turning on the last safe day; [d] time between
+independent currents, as in forecasts; number of turning times evaluated"""
 DAY, KILO = 86400.0, 1e3
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class WhatIf:
-    """The plan, or a change of it: [W], [d] left, and these in words."""
+    """Plan or changed plan, with its power [W] and the days left [d]."""
 
     what: str
     power: float
@@ -40,7 +40,7 @@ class WhatIf:
     """[km/d] through the water; None where it is that of the plan"""
 
     def row(self) -> dict[str, object]:
-        """Of a table."""
+        """Row of the page's table."""
         speed = self.km_a_day
         return {
             "plan": self.what,
@@ -54,26 +54,26 @@ class WhatIf:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class TurnHome:
-    """Until when it can turn home, if it goes on as planned before."""
+    """Latest time to turn home, for a vehicle that follows its plan until then."""
 
     away_km: float
-    """Now"""
+    """[km] Distance from the last fix to home"""
     days: float
-    """[d] from the last fix, in the middle of the draws"""
+    """[d] Median over the draws of the latest turn, from the last fix"""
     safe_days: float
-    """[d] from which 95 of 100 draws still get home"""
+    """[d] Latest turn, from the last fix, after which 95 of 100 draws get home"""
     reached: float
-    """Part of the draws that get home where it turns at the last fix"""
+    """Fraction of the draws that get home when turning at the last fix"""
 
     @property
     def safe(self) -> bool:
-        """Whether 95 of 100 draws get home at all."""
+        """True where 95 of 100 draws get home from the last fix."""
         return self.reached >= 1.0 - SAFE
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EnergyOutlook:
-    """What is told, and why the rest is not."""
+    """Days left for plans, the turn home, and reasons for what is missing."""
 
     rows: tuple[WhatIf, ...]
     home: TurnHome | None
@@ -96,9 +96,9 @@ def energy_outlook(
     """Days left for plans, and the last day to turn home.
 
     Args:
-      found: the forecast of the plan. used: what the dives took. lasts: by them.
-      legs: of the deployment. home: latitude, longitude [degree], where it is known.
-      guessed: whether nobody said where it goes, so that it goes on without end.
+      found: forecast of the plan. used: energy used so far. lasts: endurance by that use.
+      legs: legs of the deployment. home: latitude, longitude [degree]; None where unknown.
+      guessed: True where no target is known, so that the vehicle goes on without end.
     """
     missions, lacking = {"as it is": found.request.mission}, []
     for name, changed in _changes(found.request.mission).items():
@@ -138,7 +138,7 @@ def energy_outlook(
     if not takes.get("payload"):
         lacking.append("what if half the samples: the log does not tell the payload's power")
     place, targets, stays = found.request.place, found.targets(), np.inf
-    if len(targets) and not guessed:  # [d] until the last one is reached, at the way made good
+    if len(targets) and not guessed:  # [d] until the last target is reached at the speed made good
         longitude, latitude = (float(value) for value in targets[-1])
         there = to_tangent_plane(latitude, longitude, place.latitude_deg, place.longitude_deg)
         times, way = found.ways[0]
@@ -148,7 +148,7 @@ def energy_outlook(
 
 
 def _changes(mission: Mission) -> dict[str, Mission]:
-    """Missions by what is changed."""
+    """Changed missions, by the name of the change."""
 
     def changed(**factors: tuple[float, float]) -> Mission:
         segments = []
@@ -176,10 +176,10 @@ def _turn_home(
     speed: float,
     stays: float,
 ) -> TurnHome:
-    """The crossing, in every draw, of what is left and of what the way home takes.
+    """Find, in every draw, the latest turn from which the energy left suffices to reach home.
 
-    The way home is a straight line against the mean current of the dives so far, which is known by
-    as many of them as lie two days apart.
+    The vehicle goes straight home in the mean current of the dives so far. For the error of that
+    mean, only dives two days apart count as independent.
     """
     place = found.request.place
     start = place.latitude_deg, place.longitude_deg

@@ -1,12 +1,12 @@
-"""Expected plan: where a vehicle was last, what it is taken to do next, and files that say so.
+"""Expected plan: the last fix, the mission expected next, its arrival at a waypoint, and its files.
 
-It goes by `deployment.toml`: a mission file, or places. Else to the waypoint that its log has, and
-without one on along its last dive's way through the water. Depth, pitch and time between surfacings
-are those of its last dives.
+`deployment.toml` names a mission file or places. Without either, the vehicle goes to the waypoint
+in its log, and without a waypoint on its last dive's course through the water. Depth, pitch and
+time between surfacings are then those of its last dives.
 
-A plan is proposed as files that a pilot may send to the vehicle. Nothing is sent. The project's own
-reader reads them back, and what it finds is what the twin flies. Files of the same names in the
-source, which a dockserver or a base station keeps, are what is flown now.
+The plan is proposed as files that a pilot may send; nothing is sent. The project's reader reads the
+files back, and the twin flies the mission that it finds. Files of the same names in the source,
+which a dockserver or a base station keeps, are those flown now.
 """
 
 from __future__ import annotations
@@ -22,50 +22,52 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from glider_twin_ops import files
-from glider_twin_ops.forecast import LoggedLeg, mission_to
+from glider_twin_ops.forecast import Forecast, LoggedLeg, mission_to
 from glider_twin_ops.forecast.logged_leg import place_at
 from glider_twin_ops.watching.deployment_folder import WatchedDeployment
+from glider_twin_ops.watching.dive_table import polar
 from twin import Mission, Vehicle, Waypoint
 from twin.errors import MissionError
-from twin.geodesy import wrap_longitude
+from twin.geodesy import to_tangent_plane, wrap_longitude
 from twin.mission import load_mission_for, read_slocum, slocum_arguments
 from twin.numbers import Array
-from twin.records import LogStore
+from twin.records import LogStore, unix_seconds
 from twin.records.attributes import DIVE_DURATION
 from twin.show.style import moment_of
 
 LAST, STEEP = 5, 8.0
-"""Dives whose median depth, pitch and time it goes on with; [degree] of pitch from which it dives
-or climbs"""
+"""Number of last dives whose median depth, pitch and duration the plan repeats; [degree] pitch
+above which a sample belongs to a glide"""
 ON, RADIUS = 50_000.0, 500.0
-"""[m] ahead: farther than a glider goes within a forecast; of arrival, as `twin forecast` has it"""
+"""[m] Distance of a guessed target, beyond a forecast's reach; arrival radius of `twin forecast`"""
 ARRIVED = 1_000.0
-"""[m] within which a waypoint of the log counts as reached, so that the next one is not known"""
-HOUR, MINUTE = 3600.0, 60.0
+"""[m] Distance at which a logged waypoint counts as reached, so that the next one is unknown"""
+HOUR, MINUTE, KILO = 3600.0, 60.0, 1e3
+SECONDS = "%Y-%m-%dT%H:%M:%SZ"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ExpectedPlan:
-    """A mission and why it is this one."""
+    """Mission that a vehicle is expected to fly, and the reason for it."""
 
     mission: Mission
     words: str
     changes: tuple[Mapping[str, str], ...] = ()
-    """Rows of a table: what it does now, by its last dives, and in the plan"""
+    """Rows of a table: what the last dives did, and what the plan asks"""
     guessed: bool = False
-    """Whether nobody says where it goes: the ellipses then hold if it goes there"""
+    """True where no target is known: the ellipses hold only if the vehicle keeps its course"""
 
 
 def expected_plan(
     deployment: WatchedDeployment, store: Path, vehicle: Vehicle, legs: Sequence[LoggedLeg]
 ) -> ExpectedPlan:
-    """The plan from the last fix on.
+    """Make the plan from the last fix on.
 
     Args:
-      legs: of the deployment, one at least.
+      legs: legs of the deployment, at least one.
 
     Raises:
-      MissionError: it cannot be read, or the vehicle cannot fly it.
+      MissionError: the mission cannot be read, or the vehicle cannot fly it.
     """
     if deployment.mission:
         path = deployment.place(deployment.mission)
@@ -96,7 +98,7 @@ def expected_plan(
 
 
 def _habits(store: Path, legs: Sequence[LoggedLeg], vehicle: Vehicle) -> tuple[float, float]:
-    """Depth [m] and pitch [degree] of the last dives; the vehicle's usual pitch without any."""
+    """Median depth [m] and pitch [degree] of the last dives; without pitch the vehicle's usual."""
     with LogStore(store) as logs:
         dives, pitches = (
             [logs.signal(f"measured_{name}", one.mission) for one in legs[-LAST:]]
@@ -110,8 +112,7 @@ def _habits(store: Path, legs: Sequence[LoggedLeg], vehicle: Vehicle) -> tuple[f
 
 
 def _onward(last: LoggedLeg) -> tuple[str, str, bool]:
-    """A place "LAT,LON" that it is taken to go to from the end of its last dive, why, and whether
-    that is a guess."""
+    """Target "LAT,LON" expected after the last dive, the reason in words, and True for a guess."""
     ground = np.array(last.leg.over_ground)
     targets = [np.array(target) for target in last.targets]
     ahead = [target for target in targets if np.hypot(*(target - ground)) > ARRIVED]
@@ -131,7 +132,7 @@ def _place(metres: Array, begin: tuple[float, float]) -> str:
 
 
 class LastFix(NamedTuple):
-    """Where it was known to be last: [degree] and [s] unix."""
+    """Newest known position [degree] and its time [s] unix."""
 
     latitude: float
     longitude: float
@@ -142,12 +143,12 @@ class LastFix(NamedTuple):
         return {
             "latitude": round(self.latitude, 6),
             "longitude": round(self.longitude, 6),
-            "time": f"{moment_of(self.time):%Y-%m-%dT%H:%M:%SZ}",
+            "time": f"{moment_of(self.time):{SECONDS}}",
         }
 
 
 def newest_fix(logs: LogStore, rows: Sequence[int]) -> LastFix | None:
-    """The newest fix after one of these dives."""
+    """Find the newest fix at the end of one of these dives; None without any."""
     for row in reversed(rows):
         latitude, longitude = logs.fixes(row)[1]
         end = float(logs.starts[row] + logs.number(DIVE_DURATION)[row])
@@ -156,11 +157,77 @@ def newest_fix(logs: LogStore, rows: Sequence[int]) -> LastFix | None:
     return None
 
 
+class Arrival(NamedTuple):
+    """Way from the last fix to the next waypoint, and the time of arrival there."""
+
+    latitude: float
+    """[degree]"""
+    longitude: float
+    km: float
+    """[km] Distance to the waypoint"""
+    bearing: float
+    """[degree] Bearing of the waypoint"""
+    speed: float
+    """[m/s] Speed made good towards it, median of the members"""
+    early: float
+    """[s] unix; 5 of 100 members are there"""
+    time: float
+    """[s] unix; half of the members are there; infinite where they never are"""
+    late: float
+    """[s] unix; 95 of 100 members are there; infinite where they never are"""
+    beyond: bool
+    """True where that is after the forecast, whose speed is then taken to go on"""
+
+    def describe(self) -> dict[str, Any]:
+        """Values for JSON; None for a time that never comes."""
+        times = {
+            name: None if math.isinf(at := getattr(self, name)) else f"{moment_of(at):{SECONDS}}"
+            for name in ("early", "time", "late")
+        }
+        return {**self._asdict(), **times}
+
+
+def arrival(found: Forecast) -> Arrival | None:
+    """Arrival of a forecast's members at their first waypoint; None for a plan without one."""
+    targets, place = found.targets(), found.request.place
+    segments = [one for one in found.request.mission.segments if isinstance(one, Waypoint)]
+    if not len(targets) or not segments:
+        return None
+    longitude, latitude = (float(value) for value in targets[0])
+    start = place.latitude_deg, place.longitude_deg
+    there = np.array(to_tangent_plane(latitude, longitude, *start))
+    times, speeds = [], []
+    for time, way in found.ways:
+        off = np.hypot(*(there - way).T)
+        left = np.maximum(off - segments[0].arrival_radius_m, 0.0)
+        near = np.flatnonzero(left == 0.0)
+        last = int(near[0]) if near.size else len(time) - 1
+        speed = float(off[0] - off[last]) / max(float(time[last]), 1.0)
+        speeds.append(speed)
+        rest = float(left[last])
+        further = rest / speed if speed > 0.0 else math.inf
+        times.append(float(time[last]) + (further if rest else 0.0))
+    metres, bearing = polar(*there.tolist())
+    begin = unix_seconds(str(place.time))
+    early, middle, late = np.quantile(times, (0.05, 0.5, 0.95), method="nearest").tolist()
+    return Arrival(
+        latitude=latitude,
+        longitude=float(wrap_longitude(np.asarray(longitude))),
+        km=metres / KILO,
+        bearing=bearing,
+        speed=float(np.median(speeds)),
+        early=begin + early,
+        time=begin + middle,
+        late=begin + late,
+        beyond=middle > found.request.horizon,
+    )
+
+
 NAMES = ("goto_l10.ma", "yo10.ma", "surfac10.ma", files.TARGETS, files.CMDFILE, files.SCIENCE)
 """Every name that a proposed file can have"""
 SLOCUM, SEAGLIDER = "slocum", "seaglider"
 WRITTEN = (SLOCUM, SEAGLIDER)
-"""Kinds of logs whose vehicle's files are written"""
+"""Kinds of logs for which files are proposed"""
 UNWRITTEN = {
     "seaexplorer": "files of a SeaExplorer are not written: no public text says what its sea.msn "
     "holds, and its plans are made with its maker's program; set there what is said above",
@@ -170,25 +237,24 @@ READS_BACK = "".join(
     f"behavior: {name}\n    b_arg: args_from_file(enum) 10\n"
     for name in ("surface", "goto_list", "yo")
 )
-"""A mission file that takes argument files of number 10"""
+"""Mission file that reads argument files of number 10"""
 MOST_BYTES = 100_000
-"""Of a file that is flown now"""
+"""[byte] Largest file in the source that is compared with a proposed one"""
 
 
 class ProposedFiles(NamedTuple):
-    """Files, and what a reader finds in them."""
+    """Proposed files, and the mission that a reader finds in them."""
 
     files: Mapping[str, str]
-    """Texts by the names"""
+    """Text of each file, by its name"""
     mission: Mission
-    """What they say, as the twin flies it"""
+    """Mission read back from the files, as the twin flies it"""
     changes: Mapping[str, str]
-    """Of each that lies in the source, too: lines that go and that come, as `diff -u` has them;
-    empty where they are the same"""
+    """`diff -u` of each file that also lies in the source; empty where both are equal"""
 
 
 def flown_files(folder: Path) -> dict[str, str]:
-    """Texts of the files in a source that the vehicle flies by now, by their names."""
+    """Read the files in a source that the vehicle flies now: texts by their names."""
     found = {}
     for name in NAMES:
         path = folder / name
@@ -204,15 +270,15 @@ def proposed_files(
     flown: Mapping[str, str],
     samples: float = 1.0,
 ) -> ProposedFiles:
-    """A plan as files.
+    """Write a plan as files for the vehicle.
 
     Args:
-      kind: of the logs, such as slocum.
+      kind: kind of the logs, such as slocum.
       flown: texts of files that are flown now, by their names.
-      samples: part of the samples that a new science file keeps; 1: none is proposed.
+      samples: fraction of the samples that a new science file keeps; 1: none is proposed.
 
     Raises:
-      MissionError: files of the kind are not written, or cannot say what the mission asks.
+      MissionError: no files are written for this kind, or they cannot express the mission.
     """
     if kind not in WRITTEN:
         raise MissionError(UNWRITTEN.get(kind, UNWRITTEN[""].format(kind)))
@@ -241,7 +307,7 @@ def proposed_files(
 
 
 def _science(kind: str, flown: Mapping[str, str], samples: float, place: Path) -> str:
-    """The science file that is flown now, with a part of its samples."""
+    """Thin the science file that is flown now to a fraction of its samples."""
     if kind != SEAGLIDER:
         raise MissionError(
             f"samples = {samples:g} in deployment.toml: a Seaglider alone has a science file that "
@@ -257,7 +323,7 @@ def _science(kind: str, flown: Mapping[str, str], samples: float, place: Path) -
 
 
 def _read_back(kind: str, vehicle: Vehicle, place: Path) -> Mission:
-    """The mission that the project's own reader finds in the files of a folder."""
+    """Read the mission from the files of a folder with the project's own reader."""
     if kind == SEAGLIDER:
         if (place / files.SCIENCE).exists():
             files.read_science(place / files.SCIENCE)
@@ -268,7 +334,7 @@ def _read_back(kind: str, vehicle: Vehicle, place: Path) -> Mission:
         )
     (place / "plan.mi").write_text(READS_BACK, encoding="utf-8")
     mission = read_slocum(place / "plan.mi", above_floor=True).mission
-    segments = tuple(  # flown where the water is deeper than the dive
+    segments = tuple(  # the twin's water is deeper than the dive
         dataclasses.replace(one, min_altitude_m=None) if isinstance(one, Waypoint) else one
         for one in mission.segments
     )

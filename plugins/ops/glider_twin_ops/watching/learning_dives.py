@@ -1,19 +1,18 @@
-"""Learning dives: the next dives that would tell most of a vehicle, as files that a pilot may send.
+"""Learning dives: proposed dives that determine most of a vehicle's parameters, with their files.
 
     found = most_telling(load_calibration("mine.xml"), usual_dive(vehicle), before)
     found.chosen, found.after
 
-A vehicle that dives alike every day tells its parameters only in the combination that this dive
-needs: drag, lift and the pitch sensor's zero stand for each other at one pitch. Candidates differ
-from the usual dive in pitch, pumped volume, depth and course; the twin flies each without noise,
-and the slopes of its depth rates and of its way between fixes over the parameters are its Fisher
-information (Kay 1993, Fundamentals of Statistical Signal Processing, 3.7), with the noise that the
-vehicle's own dives have. Chosen are those after which the product of the deviations is least, one
-after another and then each anew beside the others (Fedorov's exchange: Cook and Nachtsheim,
-Technometrics 22, 1980).
+Equal dives determine only one combination of the parameters: at a single pitch, drag, lift and the
+pitch sensor's zero cannot be separated. Candidates differ from the usual dive in pitch, pumped
+volume, depth and course; the twin flies each without noise. The derivatives of its depth rates and
+of its displacement between fixes, with the noise of the vehicle's own dives, give its Fisher
+information (Kay 1993, Fundamentals of Statistical Signal Processing, 3.7). Dives are chosen one
+after another, so that the product of the standard deviations is smallest. Then each is chosen anew
+beside the others (Fedorov's exchange: Cook and Nachtsheim, Technometrics 22, 1980).
 
-They lie in `learn/1`, `learn/2` ... of the deployment's folder, each with `dive.txt`: what is
-different in it, and the twin's flight of exactly the files beside. Nothing is sent.
+The dives' files lie in `learn/1`, `learn/2` ... of the deployment's folder. `dive.txt` beside them
+says how the dive differs and how the twin flies exactly these files. Nothing is sent.
 """
 
 from __future__ import annotations
@@ -59,33 +58,33 @@ from twin.records import LogStore, is_store
 from twin.records.storage import whole_folder
 
 LEARNED = ("neutral_density", "drag", "lift_ratio", "compressibility", "pitch_offset")
-"""Parameters that a few dives can tell; a compass takes many, for the current changes, too"""
+"""Parameters that a few dives can determine; a compass needs many, because the current changes"""
 COUNT, EXCHANGES = 3, 5
-"""Dives that are proposed, and rounds in which each is chosen anew at most"""
+"""Number of proposed dives, and most rounds of exchange"""
 PITCHES_DEG, DEPTHS, TURNS_DEG = (16.0, 20.0, 26.0, 35.0, 45.0), (0.6, 1.0), (0, 90, 180, 270)
-"""Parts of the usual depth; courses from the usual one on, to starboard"""
+"""Pitches, fractions of the usual depth, and turns [degree] from the usual course to starboard"""
 REACHES = (0.4, 0.65, 0.9)
-"""Parts of what the pump can make heavy in dives and light in climbs"""
+"""Fractions of the heaviest net mass in dives and of the lightest in climbs"""
 NOISE = {
     "depth_rate": ResidualNoise(deviation=0.01, samples=15.0),
     "current": ResidualNoise(deviation=0.05, samples=2.0),
 }
-"""Of a log that has none of its own: 1 cm/s of waves that last a minute, and a current that
+"""Noise of a log without its own estimate: waves of 1 cm/s that last a minute, and a current that
 changes by 5 cm/s from dive to dive"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Manoeuvre:
-    """One dive."""
+    """Candidate for a learning dive."""
 
     dive: TypicalDive
     turn_deg: float
-    """Of its course from the usual one, to starboard"""
+    """Turn of its course from the usual one, to starboard"""
     seconds: float = 0.0
-    """That the twin flies it for; 0: it has not been flown"""
+    """Duration of the twin's flight; 0 before it is flown"""
 
     def words(self, usual: TypicalDive) -> str:
-        """What is different from the usual dive, for a person."""
+        """Describe the differences from the usual dive."""
         heavy, light = (1e3 * mass for mass in (self.dive.net_mass, self.dive.climb_net_mass))
         said = f"pitch {self.dive.pitch:.0f} degree, {heavy:.0f} g heavy and {light:.0f} g light"
         if self.dive.depth != usual.depth:
@@ -96,35 +95,35 @@ class Manoeuvre:
 
 
 class Slopes(NamedTuple):
-    """What one dive tells, near a calibration."""
+    """Information from one dive, linearised about a calibration."""
 
     depth_rates: Array
-    """Information of its depth rates, (parameters, parameters), over spreads"""
+    """Fisher information of its depth rates, (parameters, parameters), per spread of each"""
     way: Array
-    """[m/s] mean velocity through the water per spread, north and east, (2, parameters)"""
+    """[m/s] Mean velocity through the water per spread, north and east, (2, parameters)"""
 
     def turned(self, degrees: float) -> Slopes:
-        """Slopes on a course so much farther to starboard."""
+        """Slopes of the same dive on a course turned to starboard."""
         c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
         return self._replace(way=np.array([[c, -s], [s, c]]) @ self.way)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class MostTelling:
-    """Proposed dives, and what is known before and after them; arrays are (parameters,)."""
+    """Proposed dives, with standard deviations before and after them; arrays are (parameters,)."""
 
     parameters: tuple[UnknownParameter, ...]
     values: tuple[float, ...]
     chosen: tuple[Manoeuvre, ...]
     before: Array
-    """Deviations over spreads"""
+    """Standard deviations now, in spreads"""
     ordinary: Array
-    """After as many dives like the usual one"""
+    """Standard deviations after as many usual dives"""
     after: Array
-    """After the proposed ones"""
+    """Standard deviations after the proposed dives"""
 
     def table(self) -> list[dict[str, object]]:
-        """Rows: each parameter with its deviation now, after usual dives, and after these."""
+        """Rows: each parameter's standard deviation now, after usual dives, and after these."""
         told = {"deviation now": self.before, "after usual dives": self.ordinary,
                 "after these": self.after}  # fmt: skip
         return [
@@ -135,7 +134,7 @@ class MostTelling:
 
     @property
     def shrinks(self) -> tuple[float, float]:
-        """Geometric mean of the deviations after the usual dives, and after these, over now's."""
+        """Geometric mean ratio of standard deviations to those now, after usual and these dives."""
         usual, these = (np.log(each / self.before) for each in (self.ordinary, self.after))
         return float(np.exp(np.mean(usual))), float(np.exp(np.mean(these)))
 
@@ -143,8 +142,8 @@ class MostTelling:
 def information_of(
     logs: Sequence[Log], calibration: Calibration
 ) -> tuple[Array, dict[str, ResidualNoise]]:
-    """Information on the parameters that dives have told, over spreads, with what was known before,
-    (parameters, parameters), and noise of the dives by channel.
+    """Fisher information of dives and prior on the parameters, per spread of each, (parameters,
+    parameters), and noise of the dives by channel.
 
     Raises:
       InputError: no dive glides, or the calibration does not fly.
@@ -166,14 +165,14 @@ def most_telling(
     noise: Mapping[str, ResidualNoise] = NOISE,
     course_deg: float = 0.0,
 ) -> MostTelling:
-    """Choose the dives that shrink the deviations most.
+    """Choose the dives that reduce the standard deviations most.
 
     Args:
-      calibration: of the vehicle.
-      usual: the dive that it makes otherwise, and made last.
-      information: what is known, as `information_of` tells it.
-      noise: of the vehicle's dives, by channel.
-      course_deg: true, of the usual dives.
+      calibration: calibration of the vehicle.
+      usual: dive that the vehicle makes otherwise, and made last.
+      information: information so far, as `information_of` returns it.
+      noise: noise of the vehicle's dives, by channel.
+      course_deg: true course of the usual dives.
 
     Raises:
       InputError: the usual dive cannot be flown.
@@ -235,7 +234,7 @@ def most_telling(
 
 
 def flown_logs(calibration: Calibration, dives: Sequence[TypicalDive]) -> list[Log | None]:
-    """Dives of the twin to the north as identification reads logs; None where one is no glide."""
+    """Fly dives to the north and return them as logs for identification; None for a failed one."""
     scenarios, places, lanes = [dive_scenario(calibration.vehicle, one) for one in dives], [], []
     for k, scenario in enumerate(scenarios):
         try:
@@ -252,7 +251,7 @@ def flown_logs(calibration: Calibration, dives: Sequence[TypicalDive]) -> list[L
 
 
 def turned(log: Log, course_deg: float) -> Log:
-    """The same dive on another course [degree], its mean heading."""
+    """Log with its headings turned until their mean is a course [degree]."""
     mean = float(np.mean(log.heading[log.use])) if log.use.any() else 0.0
     return dataclasses.replace(log, heading=log.heading - mean + math.radians(course_deg))
 
@@ -263,7 +262,7 @@ def slopes_of(
     parameters: tuple[UnknownParameter, ...],
     noise: Mapping[str, ResidualNoise],
 ) -> Slopes:
-    """What one dive tells of parameters."""
+    """Compute the information of one dive on parameters."""
     problem = DepthRates([log], calibration, parameters)
     zero = np.zeros(len(parameters))
     slopes = problem.slopes(zero)
@@ -282,29 +281,29 @@ def slopes_of(
 
 LEARN, DIVE, SAID = "learn", "dive.txt", "proposed.json"
 LAST, LONGER = 20, 1.5
-"""Dives by which is told what is known now: 0.4 s each; and times a dive's own time, within which
-the twin's flight of its files surfaces"""
+"""Number of last dives that give the information so far, 0.4 s each; longest flight of the files,
+as a multiple of the dive's duration"""
 AHEAD, RADIUS, SHALLOW = 30_000.0, 500.0, 8.0
-"""[m] to the place that a dive's course is given by, farther than a dive goes, of arrival there,
-and of the upper turn"""
+"""[m] Distance of the target that sets a dive's course, beyond a dive's reach; arrival radius;
+depth of the upper turn"""
 MINUTE, HOUR = 60.0, 3600.0
 BY_HAND = "its files have no climb: here it climbs as steep and as light as it dives heavy"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LearningDive:
-    """One proposed dive."""
+    """Proposed dive with its files."""
 
     words: str
     files: Mapping[str, str]
-    """Texts by the names of the files; empty for vehicles whose files are not known"""
+    """Text of each file, by its name; empty for vehicles whose files are not known"""
     by_hand: str
-    """What the files cannot say; empty where they say all"""
+    """Settings that the files cannot express; empty where they express all"""
     flight: dict[str, float]
-    """Of exactly these files by the twin in still water: minutes, km and Wh to the surfacing"""
+    """Twin's flight of exactly these files in still water: minutes, km and Wh to the surfacing"""
 
     def text(self) -> str:
-        """Words as `dive.txt` has them."""
+        """Text of `dive.txt`."""
         flown = ", ".join(f"{value:g} {unit}" for unit, value in self.flight.items())
         said = [self.words, f"the twin flies it in still water that is deeper: {flown}"]
         return "".join(f"{one}\n" for one in (*said, self.by_hand) if one)
@@ -312,14 +311,14 @@ class LearningDive:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LearningDives:
-    """What is proposed, and what it would tell."""
+    """Proposed dives, and the information expected from them."""
 
     folder: Path
     dives: tuple[LearningDive, ...]
     telling: MostTelling
 
     def text(self) -> str:
-        """For a terminal."""
+        """Text for a terminal."""
         usual, proposed = self.telling.shrinks
         lines = [f"{k}: {one.words}" for k, one in enumerate(self.dives, 1)]
         return "\n".join(lines) + (
@@ -335,11 +334,11 @@ class LearningDives:
 
 
 def propose_learning(deployment: WatchedDeployment) -> LearningDives:
-    """Write the dives that would tell most into `learn`, in the place of earlier ones.
+    """Write the most informative dives into `learn`, in place of earlier ones.
 
     Raises:
-      InputError: no pass has made a log yet, or it tells no glide between two fixes.
-      WriteError: something else is in the way, or the disk refuses.
+      InputError: no pass has made a log yet, or the log has no glide between two fixes.
+      WriteError: something else lies in `learn`, or the disk refuses.
     """
     store = deployment.folder / LOG
     if not is_store(store):

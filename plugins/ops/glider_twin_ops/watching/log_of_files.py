@@ -1,11 +1,11 @@
-"""Log of files: the dives of all files that arrived, as `log.zarr`, a function of the files alone.
+"""Log of files: `log.zarr`, the dives of all files that arrived, in whatever order they came.
 
-It is what `factory import` makes of the same files, whatever came first: which pressure sensor is
-taken, offsets of the surface and guessed units follow from all of them. The store knows by which
-files it was made; with the same ones it stays as it is.
+The log equals `factory import` of the same files. All files together decide the pressure sensor,
+offsets of the surface and guessed units. The store keeps a digest of its files; with an equal
+digest it stays as it is.
 
-Log, beliefs and page have lists of checksums, by which a part is as a pass wrote it; the page's
-figures have the sums of what has none.
+Log, beliefs and page have lists of checksums, which show whether a part is as a pass wrote it.
+`latest.json` of the page has the checksums of beliefs and events.
 """
 
 from __future__ import annotations
@@ -37,34 +37,34 @@ if TYPE_CHECKING:
 
 LOG = "log.zarr"
 DIGEST = "files_digest"
-"""Attribute of the store: which files made it, and how they were read"""
+"""Attribute of the store: digest of its files and of how they were read"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LogOfFiles:
-    """What became of the files in a source."""
+    """Log of the files in a source, and the files that were left out or are cut."""
 
     store: Path | None
-    """None: there are no dives yet"""
+    """Path of the log; None before the first dive"""
     digest: str
-    """Of the files that are there now"""
+    """Digest of the files that are there now"""
     changed: bool
-    """Whether the store was written"""
+    """True where the store was written"""
     files: int
     kind: str
-    """of the logs; empty: no file tells it"""
+    """Kind of the logs; empty where no file reveals it"""
     unreadable: tuple[str, ...]
-    """Why files were left out, in words"""
+    """Reason for each file that was left out"""
     short: tuple[str, ...] = ()
-    """Files that were read and end too early, with how far they go"""
+    """Files that are cut, each with the extent that was read"""
     damage: str = ""
-    """What was wrong with the log that was there, in words; empty where nothing was"""
+    """Damage found in the log before this pass; empty where it was whole"""
     missing: str = ""
-    """Why no dives could be had of the files that are there now; empty where they could"""
+    """Reason why the files there now give no dives; empty where they give some"""
 
     @property
     def cut_or_left_out(self) -> list[str]:
-        """A log that was damaged, files that end too early, and those that are left out."""
+        """Sentences on a damaged log, files that are cut, and files that were left out."""
         damaged = [self.damage] if self.damage else []
         return [*damaged, *self.short, *(f"left out: {said}" for said in self.unreadable)]
 
@@ -78,12 +78,12 @@ def log_of_files(
 ) -> LogOfFiles:
     """Bring `folder/log.zarr` up to date.
 
-    A source whose files say nothing, such as half of the only one, leaves the store as it was. A
-    store that is damaged is made again, and is no log until it can be.
+    A source without a readable dive, such as half of its only file, leaves the store as it was. A
+    damaged store is made again; until the files allow it, there is no log.
 
     Args:
       until: only dives that had ended by then, UTC.
-      again: read the files even where the store is of them already.
+      again: read the files even where the store was made of them.
 
     Raises:
       InputError: a setting that cannot be used. WriteError: the disk refuses.
@@ -117,7 +117,7 @@ def log_of_files(
 
 @contextlib.contextmanager
 def _staging(store: Path) -> Iterator[Path]:
-    """A hidden folder beside the store; what a killed pass left goes away first."""
+    """Make a hidden folder beside the store; first remove what a killed pass left."""
     clean(store)
     place = temporary_name(store)
     place.mkdir()
@@ -131,10 +131,10 @@ def _staging(store: Path) -> Iterator[Path]:
 
 
 def _imported(deployment: WatchedDeployment, found: ArrivedFiles, place: Path) -> xr.Dataset:
-    """What an import makes of the copies in a folder, without a path and a time in it.
+    """Import the copies in a folder into a data set without paths and without the time of import.
 
     Raises:
-      InputError: as the import, or a setting that is for logs of other kinds.
+      InputError: the import's own, or a setting that is for logs of other kinds.
     """
     importer = IMPORTERS[found.kind]
     for name, takes in (("cache", importer.takes_cache), ("mapping", importer.takes_mapping)):
@@ -160,8 +160,8 @@ def _imported(deployment: WatchedDeployment, found: ArrivedFiles, place: Path) -
 
 
 def _said_here(text: str, place: Path) -> str:
-    """An import's message without where the files were copied to, which is another place at every
-    pass, and with a deployment's settings for an import's options."""
+    """Rewrite an import's message: paths in the source instead of those of the copies, which change
+    with each pass, and settings of the deployment instead of options of the command line."""
     folders = [(f"{place / name}/", "") for name in (FILES, CACHE, MAPPING)]
     folders += [(str(place / FILES), "source"), (str(place / CACHE), "cache")]
     for was, here in (*folders, *IN_SETTINGS):
@@ -178,14 +178,14 @@ IN_SETTINGS = (
     ("give --cache ", "name it as cache in deployment.toml: "),
     ("give --recursive", "set recursive = true in deployment.toml"),
 )
-"""What an import's message says of its options, and what it is here"""
+"""Options of the command line in an import's messages, and the settings that replace them here"""
 
 
 def _until(dataset: xr.Dataset, until: datetime.datetime) -> xr.Dataset:
-    """The dives that had ended.
+    """Select the dives that had ended by a moment.
 
     Raises:
-      InputError: none had.
+      InputError: no dive had ended.
     """
     lasted = np.nan_to_num(dataset[DIVE_DURATION].values) if DIVE_DURATION in dataset else 0.0
     ended = dataset[START_TIME].values + lasted  # [s] unix
@@ -227,7 +227,7 @@ def _outcome(
 
 
 def _as_text(said: str) -> str:
-    """What is said, without bytes of a file's name that are no UTF-8 and that no page can hold."""
+    """Escape bytes of a file's name that are no UTF-8, which no page can hold."""
     return said.encode(errors="backslashreplace").decode()
 
 
@@ -236,8 +236,8 @@ ZARR = re.compile(r"(.+/)?(zarr\.json|c(/\d+)*)")
 
 
 def damage_of(folder: Path) -> str:
-    """The first file that is not as it was written, in words; empty where all are, and where there
-    is no such folder. Files that somebody added are no damage.
+    """Describe the first file that is not as it was written; empty where all are, and without the
+    folder. Files that somebody added are no damage.
     """
     if not folder.is_dir():
         return ""
@@ -249,7 +249,7 @@ def damage_of(folder: Path) -> str:
 
 
 def is_zarr(folder: Path) -> bool:
-    """Whether all files in a folder have the names of a zarr store's: none is a person's own."""
+    """Return whether all files in a folder are named as in a zarr store: none is a person's own."""
     return folder.is_dir() and all(
         ZARR.fullmatch(path.relative_to(folder).as_posix()) for path in files_below(folder)
     )

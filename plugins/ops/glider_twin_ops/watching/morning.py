@@ -1,7 +1,7 @@
-"""Morning: what a deployment's log tells at a moment: health, energy, currents, next surfacings.
+"""Morning: the daily report of a deployment: health, energy, currents and the next surfacings.
 
-What cannot be told is left out, with the reason: a log without fixes has a health, one without
-attitude has currents that the vehicle itself reported, an empty folder has nothing yet.
+A part that the log does not support is left out, with the reason. A log without fixes still has
+health; one without attitude has the currents that the vehicle reported; an empty folder has none.
 """
 
 from __future__ import annotations
@@ -29,11 +29,14 @@ from glider_twin_ops.forecast.logged_leg import dive_times
 from glider_twin_ops.health import CHANNELS, Beliefs, DeploymentHealth, assess, follow_parameters
 from glider_twin_ops.watching.arrived_files import folder_of
 from glider_twin_ops.watching.deployment_folder import WatchedDeployment
+from glider_twin_ops.watching.dive_table import DiveRow, Reading, dive_rows, newest_readings
 from glider_twin_ops.watching.energy_outlook import EnergyOutlook, energy_outlook
 from glider_twin_ops.watching.expected_plan import (
+    Arrival,
     ExpectedPlan,
     LastFix,
     ProposedFiles,
+    arrival,
     expected_plan,
     flown_files,
     newest_fix,
@@ -62,57 +65,63 @@ from twin.water.current import parse_field
 Told = TypeVar("Told")
 KILO, HOUR = 1e3, 3600.0
 NEWER = 60.0
-"""[s] by which a fix is newer than another one"""
+"""[s] Least time between two fixes of which one counts as newer"""
 FORECAST = "forecast"
-"""What a page is for: why there is none is the first of what is missing"""
+"""Name of the forecast; the reason for its absence comes first among what is missing"""
 MOST_FOLLOWED = 30
-"""Last dives over which parameters are followed, from the vehicle file's values on: 0.4 s each"""
+"""Number of last dives over which parameters are followed from the vehicle file's, 0.4 s each"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Morning:
-    """What is told; None and empty where it cannot be, and `lacking` says why."""
+    """Daily report. A part without support in the log is None or empty, and `lacking` says why."""
 
     title: str
     """Name of the folder"""
     log: LogOfFiles
     dialogue: SurfaceDialogue | None = None
-    """What it said at its last surfacing"""
+    """Dialogue of the last surfacing"""
     deployment: str = ""
-    """Name of it in the log: of several the one that began last"""
+    """Name of the deployment in the log; of several, the one that began last"""
     dives: tuple[int, ...] = ()
-    """Numbers of its dives, as the log counts, in order of time"""
+    """Numbers of its dives in the log, in order of time"""
     vehicle: Vehicle | None = None
     health: DeploymentHealth | None = None
     followed: Beliefs | None = None
     """Parameters of the vehicle over its last dives"""
     followed_dives: tuple[int, ...] = ()
-    """Numbers of these"""
+    """Numbers of these last dives"""
+    table: tuple[DiveRow, ...] = ()
+    """Last dives, in order of time"""
+    readings: tuple[Reading, ...] = ()
+    """Newest readings of battery and vacuum"""
     legs: tuple[LoggedLeg, ...] = ()
-    """From fix to fix, in order of time"""
+    """Legs between fixes, in order of time"""
     came_up: LastFix | None = None
-    """The newest fix after a dive of the log, whether or not the dive's way is known"""
+    """Newest fix after a dive of the log, also where the dive's path is unknown"""
     used: EnergyUse | None = None
     energy_left_kwh: float | None = None
     lasts: Endurance | None = None
-    """By the dives so far, where the energy left is known"""
+    """Endurance by the use so far, where the energy left is known"""
     outlook: EnergyOutlook | None = None
-    """For changes of the plan"""
+    """Days left for changes of the plan, and the turn home"""
     surfacings: Forecast | None = None
     plan: str = ""
-    """What the forecast takes it to do, in words"""
+    """Plan that the forecast flies, in words"""
+    arrival: Arrival | None = None
+    """Arrival at the next waypoint, where one is known"""
     changes: tuple[Mapping[str, str], ...] = ()
-    """What it does now beside what the plan has, rows of a table"""
+    """Rows of a table: what the last dives did, and what the plan asks"""
     routes: RoutePlan | None = None
-    """Ways to the next place, where a pilot gave it"""
+    """Routes to the next place, where a pilot gave one"""
     proposed: ProposedFiles | None = None
-    """Files with that plan, where a pilot gave its places"""
+    """Files with the plan, where a pilot gave its places"""
     lacking: tuple[str, ...] = ()
-    """Why something is not told, and what to do about it"""
+    """Reasons for missing parts, and what to do about them"""
 
     @property
     def verdict(self) -> str:
-        """One line."""
+        """Verdict in one line."""
         if self.health is None:
             return f"{self.title}: nothing can be judged yet"
         said = self.health.verdict()
@@ -122,7 +131,7 @@ class Morning:
 
     @property
     def last_fix(self) -> LastFix | None:
-        """The dialogue's, where it is newer than the last one of the log."""
+        """Newest fix, of the dialogue or of the log."""
         before = -np.inf if self.came_up is None else self.came_up.time
         said = self.dialogue
         if said is not None and said.fix and said.fix_time and said.fix_time > before:
@@ -131,8 +140,8 @@ class Morning:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """All that is missing: why there is no forecast, short files and those that are left out,
-        and what else is not told."""
+        """Sentences on all that is missing: the forecast first, then files cut or left out, then
+        other parts."""
         first = self.lacking[:1] if self.surfacings is None else ()
         return tuple(dict.fromkeys([*first, *self.log.cut_or_left_out, *self.lacking]))
 
@@ -153,7 +162,7 @@ class Morning:
         ]
 
     def describe(self) -> dict[str, Any]:
-        """JSON-able, as `latest.json` has it."""
+        """Values for JSON, as in `latest.json`."""
         levels: dict[str, Any] = {}
         if self.health is not None and self.dives:
             last = self.health.levels.level[-1], self.health.levels.deviation[-1]
@@ -169,6 +178,7 @@ class Morning:
             "outlook": self.outlook,
             "routes": self.routes,
             "forecast": self.surfacings,
+            "waypoint": self.arrival,
         }
         same = ("title", "deployment", "verdict", "energy_left_kwh", "plan")
         return {
@@ -179,6 +189,8 @@ class Morning:
             "vehicle": None if self.vehicle is None else self.vehicle.name,
             "dialogue": None if self.dialogue is None else dataclasses.asdict(self.dialogue),
             "current": self.legs[-1].leg.current.tolist() if self.legs else None,
+            "dive_table": [one.describe() for one in self.table],
+            "readings": [one._asdict() for one in self.readings],
             "levels": levels,
             "parameters": self.parameters(),
             "days_left": None if self.lasts is None else self.lasts.days,
@@ -194,10 +206,10 @@ def morning(
     *,
     say: Callable[[str], object] = lambda _: None,
 ) -> Morning:
-    """What the log tells.
+    """Make the daily report from a log.
 
     Args:
-      say: called with a word on what is being done.
+      say: called with the name of each step as it begins.
     """
     title = deployment.folder.resolve().name
     if log.store is None:
@@ -223,12 +235,16 @@ def morning(
         silent = dive_times(logs, name).silent
         came_up = newest_fix(logs, rows)
         source = logs.source
-    if dialogue is not None and dialogue.vehicle.lower() not in name.lower():
+        table = dive_rows(logs, rows, dives, legs)
+        own = dialogue if dialogue and dialogue.vehicle.lower() in name.lower() else None
+        readings = newest_readings(logs, rows, own)
+    if dialogue is not own:
+        assert dialogue is not None
         lacking.append(
             f"the newest dialogue in the source is of {dialogue.vehicle}, the log of {name}: it is "
             "left out"
         )
-        dialogue = None
+        dialogue = own
     if others:
         lacking.append(f"{others} more deployments in the log than {name}, which began last")
     if silent:
@@ -245,7 +261,8 @@ def morning(
     vehicle = told("vehicle", lambda: deployment.vehicle_of(store))
     tells: dict[str, Any] = {
         "title": title, "log": log, "deployment": name, "dives": dives, "legs": legs,
-        "dialogue": dialogue, "came_up": came_up, "vehicle": vehicle,
+        "dialogue": dialogue, "came_up": came_up, "vehicle": vehicle, "table": table,
+        "readings": readings,
     }  # fmt: skip
     if vehicle is None:
         return Morning(**tells, lacking=tuple(lacking))
@@ -307,6 +324,7 @@ def morning(
         if expected is not None and answer is not None:
             tells["surfacings"], tells["plan"], water = answer
             tells["changes"] = expected.changes
+            tells["arrival"] = None if expected.guessed else arrival(answer[0])
             if deployment.goto:
                 say("routes")
                 asked, (first, *_) = answer[0].request, answer[0].request.mission.segments
@@ -314,7 +332,7 @@ def morning(
                 nearest = dataclasses.replace(first, targets=first.targets[:1])
                 mission = dataclasses.replace(asked.mission, segments=(nearest,))
                 asked = dataclasses.replace(asked, mission=mission)
-                tells["routes"] = told(  # `twin route` flies the ways, too
+                tells["routes"] = told(  # only `twin route` flies them, too
                     "routes", lambda: plan_routes(asked, water, fly_them=False, say=say)
                 )
             if expected.guessed:
@@ -342,7 +360,7 @@ def _forecast(
     fix: LastFix,
     plan: ExpectedPlan,
 ) -> tuple[Forecast, str, Known]:
-    """The next surfacings from the last fix on, what it is taken to do in words, and the water."""
+    """Forecast the next surfacings from the last fix; also return the plan in words and water."""
     begin = utc_text(moment_of(float(round(fix.time))))
     place, water, stale = begun(
         Origin(latitude_deg=fix.latitude, longitude_deg=fix.longitude, time=begin),

@@ -1,10 +1,9 @@
-"""Sources: which logs come from where, and what a vehicle said at the surface.
+"""Sources: the places that logs come from, and the surface dialogues that come with them.
 
-A data set of an ERDDAP server comes as one table a day, fetched once; the newest days again. The
-server sends each UTC day's rows as comma-separated text whose header has names and units (`.csvp`),
-so that a mapping names columns such as `time (UTC)`. Addresses and constraints are made by the
-package erddapy. A day that is older than the newest ones stays as it was fetched: take its file
-away, and the next pass asks for it again.
+A data set of an ERDDAP server comes as one table for each UTC day. The newest days are fetched at
+every pass, an older day once; take its file away, and the next pass fetches it again. The server
+sends comma-separated text whose header has names and units (`.csvp`), so that a mapping names
+columns such as `time (UTC)`. The package erddapy makes addresses and constraints.
 """
 
 from __future__ import annotations
@@ -30,15 +29,15 @@ from twin.records import whole_file
 from twin.registry import Registry
 
 NEWEST = 3
-"""Days at the end that are asked for at every pass: rows of them may still come"""
+"""Number of last days that every pass fetches, because rows of them may still come"""
 PATIENCE = 60.0
-"""[s] without an answer, after which a server is given up"""
+"""[s] Longest wait for a server's answer"""
 MOST = 200 * 2**20
-"""[byte] of a day: a sample a second of a hundred columns is less"""
+"""[byte] Largest table of a day; a hundred columns at 1 Hz need less"""
 LONGEST = 1500
-"""[d] of a data set: no vehicle has been at sea for longer"""
+"""[d] Longest data set: no vehicle has been at sea for longer"""
 NOTHING = 404
-"""Status of an answer without rows"""
+"""HTTP status of an answer without rows"""
 EMPTY = ".none"
 """Ending of a hidden file that stands for a day without rows"""
 DAY = datetime.timedelta(days=1)
@@ -46,20 +45,20 @@ DAY = datetime.timedelta(days=1)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SurfaceDialogue:
-    """The last of what one vehicle said at the surface; times are [s] unix."""
+    """Values that a vehicle sent at one surfacing; times are [s] unix."""
 
     vehicle: str
     time: float
-    """By its clock or by that of who heard it"""
+    """Time by the vehicle's clock or by the base station's"""
     fix: tuple[float, float] | None
     """Latitude, longitude [degree]"""
     fix_time: float | None
     sensors: Mapping[str, tuple[float, str]]
     """Value and unit by name"""
     why: str
-    """Why it came up, or what it did; empty where it does not say"""
+    """Reason of the surfacing in the vehicle's words; empty without one"""
     aborts: int | None
-    """Since it was reset; None where it does not say"""
+    """Number of aborts since its reset; None where it is not sent"""
 
     def facts(self) -> dict[str, str]:
         """Names and values for a page."""
@@ -70,29 +69,29 @@ class SurfaceDialogue:
 
 
 Dialogues = Callable[[Sequence[Path]], list[SurfaceDialogue]]
-"""Reads what a vehicle said, of each surfacing; what cannot be read is left out."""
+"""Reader of dialogues, one for each surfacing; a surfacing that cannot be read is left out."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Source:
-    """One sort of files; documents show all but the places of functions."""
+    """Source of files; documents show all fields but those that name functions."""
 
     name: str
-    """Such as slocum"""
+    """Name, such as slocum"""
     says: str
-    """What arrives, in a few words"""
+    """Files that arrive, in a few words"""
     logs: tuple[str, ...]
-    """Kinds of logs, as `factory import` names them, that come this way"""
+    """Kinds of its logs, as `factory import` names them"""
     joins: bool = False
-    """Whether its logs, a deployment each for an import, are of one deployment here"""
+    """True where all its logs are one deployment; `factory import` makes a deployment of each"""
     dialogues: str = ""
-    """Pattern of the names of files with what the vehicle said at the surface; empty: none"""
+    """Pattern of the names of files with dialogues; empty: there are none"""
     read_dialogues: str = ""
-    """Place `module:function` of their reader, `Dialogues`"""
+    """Reader of these files, `module:function`; see `Dialogues`"""
     address: str = ""
-    """Pattern of the addresses that it takes instead of a folder; empty: a folder it is"""
+    """Pattern of the addresses that stand for a folder; empty: the source is a folder"""
     fetch: str = ""
-    """Place of what brings an address's files into a folder: (address, settings, folder) -> None"""
+    """Function that brings an address's files, `module:function`: (address, folder) -> None"""
 
     def __post_init__(self) -> None:
         for field in ("name", "says", "logs"):
@@ -120,17 +119,17 @@ SOURCES: Registry[Source] = Registry(
     },
     objects=True,
 )
-"""Every sort of source, by name: from where the files of a deployment at sea come."""
+"""Registry of sources, by name."""
 
 
 def source_of(address: str, kind: str) -> Source:
-    """The source of an address or a folder with logs of a kind.
+    """Find the source for an address, or for a folder with logs of a kind.
 
     Args:
-      kind: of the logs; empty: no file tells it yet.
+      kind: kind of the logs; empty: no file reveals it yet.
 
     Raises:
-      InputError: none brings such logs from there.
+      InputError: no source brings such logs from there.
     """
     online = [one for one in SOURCES.values() if one.address and re.match(one.address, address)]
     if "://" in address and not online:
@@ -151,11 +150,11 @@ def source_of(address: str, kind: str) -> Source:
 def newest_dialogue(
     kind: str, folder: Path, *, recursive: bool, until: datetime.datetime | None = None
 ) -> SurfaceDialogue | None:
-    """The newest surfacing that the files of a folder tell; None: there is none in them.
+    """Read the newest surface dialogue in the files of a folder; None without any.
 
     Args:
-      kind: of the logs; empty: no file tells it yet, and every sort of dialogue is looked for.
-      until: only surfacings until then, UTC.
+      kind: kind of the logs; empty: unknown, so that the dialogues of every source are read.
+      until: latest time of a surfacing, UTC.
     """
     if not folder.is_dir():
         return None
@@ -173,7 +172,7 @@ def newest_dialogue(
                 except OF_THE_MACHINE:
                     raise
                 except Exception:
-                    continue  # a page without a dialogue says less; without it there is none
+                    continue  # an unreadable dialogue must not prevent the page
     return max((d for d in known if d.time <= last), key=lambda one: one.time, default=None)
 
 
@@ -206,7 +205,7 @@ LRAUV = Source(
     logs=("lrauv",),
     joins=True,
 )
-"""MBARI's long-range AUVs; logs of one vehicle may have one name, each in a folder of its own."""
+"""MBARI's long-range AUVs; logs of one vehicle may share a name, each in a folder of its own."""
 
 NETCDF = Source(
     name="netcdf",
@@ -232,14 +231,14 @@ ERDDAP = Source(
 
 
 def fetch_days(address: str, folder: Path) -> None:
-    """Bring a data set's days into a folder.
+    """Fetch a data set's days into a folder.
 
     Args:
       address: https://SERVER/erddap/tabledap/DATASET.
       folder: made where it is missing; its files are named DATASET-YYYY-MM-DD.csv.
 
     Raises:
-      InputError: erddapy is not installed; the server does not answer, or does not say its times.
+      InputError: erddapy is not installed; the server does not answer, or gives no range of times.
     """
     require("erddapy", extra="erddap", purpose=f"the source {address}")
     from erddapy import ERDDAP
@@ -268,7 +267,7 @@ def fetch_days(address: str, folder: Path) -> None:
 
 
 def _range(url: str, address: str) -> tuple[datetime.date, datetime.date]:
-    """First and last day of a data set, by what the server says of its variable time."""
+    """First and last day of a data set, by the server's attributes of its variable time."""
     rows = csv.reader(io.StringIO(_answer(url, address).decode("utf-8", "replace")))
     spans = (row[-1] for row in rows if row[:3] == ["attribute", "time", "actual_range"])
     with contextlib.suppress(ValueError, OverflowError, OSError):
@@ -281,13 +280,13 @@ def _range(url: str, address: str) -> tuple[datetime.date, datetime.date]:
 
 
 def _answer(url: str, address: str, *, lacking: bytes | None = None) -> bytes:
-    """What a server sends.
+    """Fetch a server's answer.
 
     Args:
-      lacking: what stands for an answer that there is nothing.
+      lacking: value returned where the server says that there are no rows.
 
     Raises:
-      InputError: it does not answer, or with an error, or with too much.
+      InputError: no answer, an error, or too many bytes.
     """
     opened: Callable[..., Any] = urllib.request.urlopen
     try:

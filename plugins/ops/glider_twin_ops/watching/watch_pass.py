@@ -1,25 +1,23 @@
-"""Watch pass: files in, and log, beliefs, events and page brought up to date, each whole or not.
+"""Watch pass: bring log, beliefs, events and page up to date, each as a whole or not at all.
 
-Killed at any moment, the next pass does what is missing: each part says by what it was made, and
-the page, which is written last, ends a pass. A part that is not as it was written is made again.
+After a kill at any moment the next pass completes the work: each part records what it was made of,
+and the page is written last. A part that is not as it was written is made again.
 
-Beliefs, `beliefs.zarr`, are channels of health over all dives, and parameters of the vehicle over
-the last ones, by `log.zarr`, the vehicle and the rate of false alarms alone.
+`beliefs.zarr` has the channels of health over all dives, and the vehicle's parameters over the last
+dives. It depends on `log.zarr`, the vehicle and the rate of false alarms alone.
 
-`events.jsonl` has one JSON object a line, by the files and the settings alone: an alarm has the
-times of its dives, not that of the pass which found it. What is no longer so, such as a file that
-has been sent again, is no longer there.
+`events.jsonl` has one JSON object a line and depends on files and settings alone. An alarm has the
+times of its dives, not of the pass that found it. An event that no longer holds, such as a cut file
+that was sent again, is dropped.
 """
 
 from __future__ import annotations
 
-import cmath
 import contextlib
 import dataclasses
 import datetime
 import hashlib
 import json
-import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -28,10 +26,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glider_twin_ops.forecast import LoggedLeg, legs_of
+from glider_twin_ops.forecast import legs_of
 from glider_twin_ops.health import CHANNELS, Beliefs, DeploymentHealth
 from glider_twin_ops.pages.morning_page import PAGE, read_latest, write_morning
 from glider_twin_ops.watching.arrived_files import folder_of
+from glider_twin_ops.watching.changes import news, surfaced
 from glider_twin_ops.watching.deployment_folder import WatchedDeployment
 from glider_twin_ops.watching.expected_plan import flown_files
 from glider_twin_ops.watching.log_of_files import (
@@ -45,10 +44,7 @@ from glider_twin_ops.watching.log_of_files import (
 from glider_twin_ops.watching.morning import Morning, morning
 from glider_twin_ops.watching.sources import SurfaceDialogue, newest_dialogue
 from twin import __version__
-from twin.cli import counted
-from twin.geodesy import great_circle, offset
-from twin.records import LogStore, is_derived, is_store, unix_seconds, whole_file, write_zarr
-from twin.records.coordinates import utc_minute
+from twin.records import LogStore, is_derived, is_store, whole_file, write_zarr
 from twin.records.storage import lock, remove, sweep, whole_folder
 from twin.show.figures import INDEX
 from twin.show.style import moment_of
@@ -74,11 +70,11 @@ def kept_beliefs(
     followed: Beliefs | None = None,
     followed_dives: Sequence[int] = (),
 ) -> xr.Dataset:
-    """What is believed after each dive.
+    """Data set of the state estimates after each dive.
 
     Args:
-      vehicle: name of the one whose flight model judged.
-      followed: parameters over the last dives; None where the log does not tell them.
+      vehicle: name of the vehicle whose flight model judged.
+      followed: parameters over the last dives; None where the log does not determine them.
       followed_dives: numbers of these dives.
 
     Returns:
@@ -136,22 +132,20 @@ def _words(texts: Iterable[str]) -> NDArray[np.object_]:
 
 
 def write_beliefs(dataset: xr.Dataset, folder: Path) -> None:
-    """Write `folder/beliefs.zarr`, in the place of an older one.
+    """Write `folder/beliefs.zarr`, in place of an older one.
 
     Raises:
-      WriteError: something else is in the way, or the disk refuses.
+      WriteError: something else lies there, or the disk refuses.
     """
     with whole_folder(folder / BELIEFS, overwrite=True, ours=is_derived) as place:
         write_zarr(dataset, place)
 
 
 EVENTS = "events.jsonl"
-MOVED, MINUTE = 2.0, 60.0
-"""Deviations by which a level must move to be told; [s]"""
 
 
 def noticed(log: LogOfFiles, health: DeploymentHealth | None) -> list[dict[str, Any]]:
-    """Files that cannot be read or end too early, and an alarm with what it may be instead."""
+    """List events: files that cannot be read or are cut, and an alarm with its alternatives."""
     said = [("unreadable file", one) for one in log.unreadable]
     said += [("short file", one) for one in log.short]
     said += [("nothing to import", log.missing)] if log.missing else []
@@ -177,142 +171,41 @@ def noticed(log: LogOfFiles, health: DeploymentHealth | None) -> list[dict[str, 
 
 
 def write_events(events: Sequence[dict[str, Any]], folder: Path) -> None:
-    """Write `folder/events.jsonl`, empty where nothing was noticed; WriteError as the disk's."""
+    """Write `folder/events.jsonl`, empty without events; WriteError where the disk refuses."""
     text = "".join(json.dumps(event, sort_keys=True) + "\n" for event in events)
     with whole_file(folder / EVENTS) as place:
         place.write_text(text, encoding="utf-8")
 
 
-def news(before: Mapping[str, Any] | None, now: Morning) -> list[str]:
-    """Sentences on what is new.
-
-    Args:
-      before: what `latest.json` of the page before said; None: there was none.
-    """
-    if before is None or before.get("deployment") != now.deployment:
-        return []
-    known = set(before.get("dives", ()))
-    new = [number for number in now.dives if number not in known]
-    said = ["No new dive"]
-    if new:
-        span = f", {min(new)} to {max(new)}" if len(new) > 1 else f", {new[0]}"
-        said = [counted(len(new), "new dive") + span]
-    if gone := len(known - set(now.dives)):
-        said.append(f"{counted(gone, 'dive')} of the page before no longer in the files")
-    if (was := before.get("verdict")) != now.verdict:
-        said.append(f"Verdict before: {was}")
-    said += _levels(before.get("levels", {}), now)
-    said += _moved(before, now.describe()) if new else []
-    return said + surfaced(before.get("forecast"), now.legs)[:1]
-
-
-def _levels(before: Mapping[str, Any], now: Morning) -> list[str]:
-    """Channels that have moved."""
-    if now.health is None:
-        return []
-    said = []
-    levels = now.health.levels
-    for k, channel in enumerate(CHANNELS):
-        if (was := before.get(channel.name)) is None or channel.name in now.health.lacking:
-            continue
-        level, deviation = float(levels.level[-1, k]), float(levels.deviation[-1, k])
-        if abs(level - was["level"]) > MOVED * math.hypot(deviation, was["deviation"]):
-            unit = "" if channel.unit == "1" else f" {channel.unit}"
-            first, then = apart(was["level"], level)
-            said.append(f"{channel.name} ({channel.says}) went from {first} to {then}{unit}")
-    return said
-
-
-def apart(first: float, then: float) -> tuple[str, str]:
-    """Two numbers by as many digits, three and more, as tell them apart."""
-    for digits in range(3, 9):
-        texts = f"{first:.{digits}g}", f"{then:.{digits}g}"
-        if texts[0] != texts[1]:
-            break
-    return texts
-
-
-def _moved(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """Power, days left and current, before and now."""
-    said = []
-    if before.get("energy") and now["energy"]:
-        powers = [one["energy"]["power_w"] for one in (before, now)]
-        said.append(f"Power so far went from {powers[0]:.2f} to {powers[1]:.2f} W")
-        if before.get("days_left") is not None and now["days_left"] is not None:
-            days = before["days_left"], now["days_left"]
-            said[-1] += f", the days left from {days[0]:.1f} to {days[1]:.1f}"
-    if before.get("current") and now["current"]:
-        (north, east), then = now["current"], before["current"]
-        step = math.hypot(north - then[0], east - then[1])
-        said.append(f"The current of the last dive differs by {step:.2f} m/s from that before")
-    return said
-
-
-def surfaced(foretold: Mapping[str, Any] | None, legs: Sequence[LoggedLeg]) -> list[str]:
-    """Surfacings that a page foretold, beside where and when they were: the first one beside the
-    first that came, and so on, however far apart.
-
-    Args:
-      foretold: the forecast in `latest.json`; None: there was none.
-      legs: of the deployment, those after the forecast began among them.
-    """
-    if not foretold or not foretold["surfacings"]:
-        return []
-    begin = unix_seconds(foretold["start"]["time"])
-    after = [one for one in legs if one.leg.end > begin + MINUTE]
-    return [_beside(told, came) for told, came in zip(foretold["surfacings"], after, strict=False)]
-
-
-def _beside(told: Mapping[str, Any], leg: LoggedLeg) -> str:
-    """One surfacing as it was foretold and as it was."""
-    latitude, longitude = leg.end
-    place = told["latitude"], told["longitude"]
-    away = great_circle(latitude, longitude, *place)
-    off = offset(np.array([latitude]), np.array([longitude]), *place)
-    ellipse = told["ellipse_90"]
-    turned = complex(*(float(one[0]) for one in off)) * cmath.rect(
-        1.0, -math.radians(ellipse["bearing_deg"])
-    )
-    scaled = turned.real / ellipse["semi_major_m"], turned.imag / ellipse["semi_minor_m"]
-    begin = unix_seconds(told["time"])
-    minutes = (leg.leg.end - begin) / MINUTE
-    return (
-        f"Surfacing foretold for {utc_minute(begin)} UTC: it came up "
-        f"{utc_minute(leg.leg.end)}, {abs(minutes):.0f} min "
-        f"{'later' if minutes > 0 else 'earlier'}, {away / 1e3:.2f} km away, "
-        f"{'inside' if math.hypot(*scaled) <= 1.0 else 'outside'} the 90 % ellipse"
-    )
-
-
 PAST = "as-of"
-"""Folder of what was known at moments before the newest dive"""
+"""Folder of pages as of moments in the past"""
 LOCK = ".watching"
 PARTS = (LOG, BELIEFS, EVENTS)
-"""What a replay makes again to the byte"""
+"""Parts that a replay makes again, byte for byte"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Passed:
-    """What a pass did."""
+    """Result of a pass."""
 
     page: Path
     changed: bool
-    """False: files and settings are those of the page that is there"""
+    """False where files and settings are those of the page that is there"""
     verdict: str
     log: LogOfFiles
     latest: Mapping[str, Any]
-    """What `latest.json` has"""
+    """Values of `latest.json`"""
     told: Morning | None = None
-    """None where nothing changed"""
+    """Daily report; None where nothing changed"""
     new: tuple[str, ...] = ()
     events: tuple[dict[str, Any], ...] = ()
     same: dict[str, bool] = dataclasses.field(default_factory=dict)
-    """Of a replay: whether each part has the bytes that it had"""
+    """After a replay: True for each part that has the bytes it had before"""
 
 
 @contextlib.contextmanager
 def alone(folder: Path) -> Iterator[bool]:
-    """Whether no other pass over the folder is under way; none can begin until the context ends."""
+    """Lock the folder against other passes; yields False where another pass holds it."""
     descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
     try:
         yield lock(descriptor)
@@ -330,9 +223,9 @@ def one_pass(
     """Bring a deployment up to date.
 
     Args:
-      until: as it was known then, UTC, by the dives that had ended; into the folder `as-of`.
+      until: moment, UTC: only dives that had ended count, and results go into the folder `as-of`.
       replay: make everything again from the files, and compare.
-      say: called with a word on what is being done.
+      say: called with the name of each step as it begins.
 
     Raises:
       InputError: a setting that cannot be used. WriteError: the disk refuses.
@@ -352,7 +245,7 @@ def one_pass(
     page = folder / PAGE / INDEX
     same = before if before is not None and before["made_of"] == made_of else None
     if same is not None and not (replay or damage) and _parts(folder) == same["parts"]:
-        sweep(folder)  # a pass that was killed at its end left what no writer comes to remove
+        sweep(folder)  # remove what a pass left that was killed at its end
         return Passed(page=page, changed=False, verdict=str(same["verdict"]), log=log, latest=same)
     if damage:
         say(f"{PAGE} was damaged, and is made again: {damage}")
@@ -365,7 +258,7 @@ def one_pass(
     events = noticed(log, told.health)
     write_events(events, folder)
     new = [] if replay or until is not None else news(before, told)
-    if same is not None:  # what was new on the page that is made again
+    if same is not None:  # the page made again keeps its news
         new = same["new"]
     say("page")
     moment = "" if until is None else f"{until:%Y-%m-%d %H:%M}"
@@ -386,12 +279,12 @@ def one_pass(
 
 
 def _parts(folder: Path) -> dict[str, str]:
-    """Sums of the parts beside log and page."""
+    """Checksums of beliefs and events."""
     return {name: content_of(folder / name) for name in (BELIEFS, EVENTS)}
 
 
 def _came(deployment: WatchedDeployment, told: Morning) -> list[str]:
-    """What a page of the past foretold beside what came, where the newest log has it."""
+    """Compare a past page's forecast with what came, where the newest log has it."""
     store = deployment.folder / LOG
     if told.surfacings is None or not is_store(store):
         return []
@@ -408,7 +301,7 @@ def _made_of(
     until: datetime.datetime | None,
     dialogue: SurfaceDialogue | None,
 ) -> str:
-    """What a page is a function of: files, dialogue, settings, the vehicle's file, the version."""
+    """Digest of all that a page depends on: files, dialogue, settings, vehicle, version."""
     vehicle = deployment.place(deployment.vehicle)
     own = deployment.vehicle and vehicle.is_file()
     text = vehicle.read_text(encoding="utf-8", errors="replace") if own else ""
