@@ -234,7 +234,7 @@ def _fixes(latitude: Channel, longitude: Channel, fix: Channel, tally: Tally) ->
 
 
 def _with_water(log: DeploymentLog, conductivity: Channel | None, tally: Tally) -> DeploymentLog:
-    """Add salinity and density where the CTD, a pressure and a position allow it."""
+    """Add salinity and density if the CTD, a pressure and a position allow it."""
     warm, fresh = log.channel("measured_temperature"), log.channel("measured_salinity")
     pressure, depth = log.channel("measured_pressure"), log.channel("measured_depth")
     have_salt = len(fresh) or conductivity is not None
