@@ -72,15 +72,15 @@ RIVAL_DAYS = 5.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Priors:
-    """Priors before the first dive; the defaults were learned over several deployments."""
+    """Priors before the first dive; the defaults are those of `benchmarks.surfacings --priors`."""
 
     current: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: CURRENT_PRIORS)
     way: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: WAY_PRIORS)
     ground: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: GROUND_PRIORS)
     schedule: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: SCHEDULE_PRIORS)
-    surfacing_reach: Pair = (0.81, 4.8)
+    surfacing_reach: Pair = (0.99, 17.0)
     """[1] squared Mahalanobis radii of the 50 and 90 % ellipses of a surfacing"""
-    current_reach: Pair = (0.69, 3.1)
+    current_reach: Pair = (0.72, 7.3)
     """[1] squared Mahalanobis radii of the 50 and 90 % ellipses of a current"""
 
 
