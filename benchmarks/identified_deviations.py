@@ -50,10 +50,9 @@ TOGETHER = 8
 ATTEMPTS = 30
 """Samples of a deployment until one can be flown"""
 DRAG, LIFT, INDUCED, MASS = 0.2, 0.18, 0.3, 0.05
-"""Standard deviations of the logarithms of drag (sensors and fouling on a hull), of lift over drag
-(published Slocums have 48 and 62 per rad), of induced drag over drag (published Slocums have 12 and
-70 per rad2, which the factor 2 of 0.3 is well within), and of the mass (Slocums of one type weigh
-52 to 60 kg)"""
+"""Standard deviations of logarithms: of drag (sensors and fouling on a hull), of lift over drag
+(published Slocums: 48 and 62 per rad), of induced drag over drag (published Slocums: 12 and 70 per
+rad2), and of the mass (Slocums of one type: 52 to 60 kg)"""
 TRIM = 0.5
 """[kg/m3] Standard deviation of the density in which the vehicle is neutral, beyond `field`"""
 COMPRESSIBILITY = 1e-10

@@ -26,7 +26,7 @@ from twin.identify.comparison import (
 from twin.identify.logged_missions import Log, gliding
 from twin.identify.residuals import LEAST_PAIRS, DepthRates
 from twin.identify.speed import FlightModel
-from twin.identify.unknowns import PARAMETERS, UnknownParameter, choose
+from twin.identify.unknowns import NAMES, PARAMETERS, UnknownParameter, choose
 from twin.vehicle.parts.pump import CUBIC_CM
 
 LEAST_SAMPLES = 100
@@ -116,7 +116,9 @@ def identify(
     progress(0.15)
     first = DepthRates(logs, nominal, free, model, fixes=fixes)
     x, _ = first.fit(start, PASSES - 1, progress=lambda part: progress(0.15 + 0.5 * part), **FINE)
-    deviation = np.sqrt(np.diag(_covariance(first, x, known)))
+    # what is asked for is estimated where the log determines it beside exact values at nominal
+    exact = known if parameters is None else NAMES
+    deviation = np.sqrt(np.diag(_covariance(first, x, exact)))
     before = dict(zip((p.name for p in free), deviation, strict=True))
     for name, off in before.items():
         if off > UNDETERMINED and name not in ALWAYS:

@@ -239,8 +239,8 @@ def check_logs(
             )
         notes = _notes(logs, there, dives, turning, hull.vehicle)
         if powered:
-            listed = ", ".join(map(str, powered))
-            notes.append(f"left out: {len(powered)} dives ran their thruster ({listed})")
+            names = ", ".join(map(str, powered))
+            notes.append(f"left out: {len(powered)} dives ran their thruster ({names})")
     flights = fly_dives(flown, dives, engine)
     if all(isinstance(flight, SimulationUnstable) for flight in flights):
         raise flights[0]  # type: ignore[misc]

@@ -424,7 +424,7 @@ def test_the_bar_is_full_when_the_last_stage_ends(refines, handles):
 def test_the_help_says_what_no_fixes_does(capsys):
     assert PROGRAM.main(["identify", "--help"]) == 0
     said = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    assert "--no-fixes fit the depth rate only" in said
+    assert "--no-fixes fit the vertical velocity only" in said
     assert "ten hours of log" in said
 
 

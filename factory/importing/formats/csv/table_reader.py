@@ -142,8 +142,9 @@ def mapped_log(
         tally.add("note", "measured_dvl_mode", has, f"{mapping.dvl_lock}, says the mapping")
     channels = with_dbar_by_depth(channels, tally, deployment)
     variation = channels.pop("magnetic_variation", EMPTY)
-    names = ("gps_latitude", "gps_longitude", "gps_fix")
-    latitude, longitude, valid = (channels.pop(name, EMPTY) for name in names)
+    latitude, longitude, valid = (
+        channels.pop(f"gps_{name}", EMPTY) for name in ("latitude", "longitude", "fix")
+    )
     fixes = _fixes(latitude, longitude, valid, tally)
     magnetic = [n for n in HEADINGS & set(channels) if mapping.signals[n].north != "true"]
     if magnetic and variation_deg is None and not len(variation):

@@ -13,6 +13,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -358,10 +359,10 @@ def hindcast(
             )
     together = _scores([one.walked for one in found], members is not None)
     best = {which: scores.rival for which, scores in together.items()}
-    alike = (
-        dataclasses.replace(one, **_scores([one.walked], members is not None, best))
-        for one in found
-    )
+    alike = []
+    for one in found:
+        scores: dict[str, Any] = {**_scores([one.walked], members is not None, best)}
+        alike.append(dataclasses.replace(one, **scores))
     return Hindcast(deployments=tuple(alike), train_fraction=train_fraction, **together)
 
 

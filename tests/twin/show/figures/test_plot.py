@@ -156,6 +156,7 @@ def test_a_section_shows_a_floor_that_is_near(trajectory):
         axes = section_figure(above).axes[0]
         (ground,) = (c for c in axes.collections if len(c.get_facecolor()))
         assert ground.get_paths()[0].vertices[:, 1].min() == pytest.approx(floor)
+        assert max(ground.get_linewidths()) == 0.0  # an edge would raise the floor
         return axes.get_ylim()[0]
 
     plain = section_figure(trajectory).axes[0].get_ylim()[0]
