@@ -136,7 +136,9 @@ def _surfacings(
     places = np.array([[one.north, one.east] for one in found.surfacings])
     middles = frame.at(degrees(places, place))
     left = middles[:, 0] < x0
-    parts, marks, names = [], [], []
+    parts: list[str] = []
+    marks: list[str] = []
+    names: list[str] = []
     taken: dict[bool, list[float]] = {True: [], False: []}
     for one, ring, (x, y), to_left in zip(found.surfacings, rings, middles, left, strict=True):
         colour = COLOURS[(one.number - 1) % len(COLOURS)]
