@@ -35,7 +35,7 @@ COLOURS = ("#0072b2", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#e69f00")
 """Colours of surfacings in turn: Okabe and Ito's, which colour-blind readers can distinguish"""
 CLOSE = 4
 """Number of last dives that the first view holds, and whose currents have arrows"""
-LONGEST_ARROW, HEAD = 90.0, 9.0
+LONGEST_ARROW, HEAD = 90.0, 15.0
 """[px] Length of the strongest current's arrow, and of an arrow's head"""
 ROUND_SPEEDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 """[m/s] Speeds of the arrow in the key"""
