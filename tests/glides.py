@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 
 from twin.identify.speed import balance
-from twin.navigation.flight_filter_kernels import STANDARD_OCEAN
 from twin.vehicle.vehicle import load_vehicle
+from twin.water.density import STANDARD_OCEAN
 
 PERIOD = 0.5
 LEG = 500

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -80,6 +80,8 @@ class Identify(JsonOption):
     no_handling: bool = False
     """keep the vehicle file's pitch, turns and gains, and skip the test flights; the file is then
     written for estimates of speed, whether the vehicle flies or not"""
+    correlations: bool = False
+    """print the correlation of the estimates too"""
     pitch_scale: float | None = None
     """known scale of the pitch sensor, true pitch = scale * measured + offset; the scale is then
     estimated only if --parameters names it"""
@@ -180,7 +182,8 @@ class Identify(JsonOption):
             from twin.checks import check_still_water
 
             failures = () if handling is None else handling.failures
-            self._write(console, found, failures, "as its log", counted=True)
+            fitted = [log.index for log in logs if log.index not in found.powered]
+            self._write(console, found, failures, "as its log", fitted, counted=True)
             for one, decay in check_still_water(load_vehicle(self.out)):
                 if not decay.ok:  # the vehicle would take energy from still water
                     told = "a log of glides tells nothing of such a motion"
@@ -257,7 +260,8 @@ class Identify(JsonOption):
                 cruise = identify.cruise_of(runs, vehicle)
                 failures = identify.driven_failures(found.calibration, cruise)
             console.answer(failures=list(failures))
-            self._write(console, found, failures, "under guidance", counted=False)
+            fitted = [run.index for run in runs]
+            self._write(console, found, failures, "under guidance", fitted, counted=False)
         return 0
 
     def _write(
@@ -266,10 +270,11 @@ class Identify(JsonOption):
         found: Identification,
         failures: Sequence[str],
         how: str,
+        rows: Sequence[int],
         *,
         counted: bool,
     ) -> None:
-        """Write the vehicle file; if `counted`, with the consumption from the log's charge counter.
+        """Write the vehicle file of these rows; if `counted`, with the log's consumption.
 
         Raises:
           InputError: the vehicle does not fly as it should.
@@ -288,7 +293,7 @@ class Identify(JsonOption):
         write_vehicle(
             found.calibration,
             self.out,
-            provenance_of(found, self.store),
+            provenance_of(found, self.store, rows),
             consumption=None if used is None else used.consumption,
             overwrite=self.overwrite,
         )
@@ -297,7 +302,7 @@ class Identify(JsonOption):
     def _say(
         self, console: Console, found: Identification, missions: int, refined: Refinement | None
     ) -> None:
-        """Report estimates, their correlations and the residuals; warn of unusual estimates."""
+        """Print the estimates and three sentences on the fit; warn of unusual estimates."""
         rows = [
             {
                 "parameter": e.name,
@@ -311,21 +316,9 @@ class Identify(JsonOption):
             for e in sorted(found.estimates, key=lambda e: not e.determined)
         ]
         console.table(rows, title=f"{found.nominal.vehicle.name}: {missions} missions", digits=6)
-        changes = {}
-        if found.current_change is not None and found.nominal_current_change is not None:
-            changes = {
-                "change of current between missions, median": (
-                    f"{100 * found.current_change:.2f} cm/s "
-                    f"(nominal vehicle {100 * found.nominal_current_change:.2f})"
-                )
-            }
-        if refined is not None:
-            changes["twin flown in MuJoCo"] = (
-                f"{refined.windows} windows: depth rate, RMSE {100 * refined.depth_rate_rmse:.2f} "
-                f"cm/s, pitch {math.degrees(refined.pitch_rmse):.2f} deg"
-            )
+        console.say("\n".join(_sentences(found, missions, refined)))
         names = found.determined
-        if len(names) > 1:
+        if self.correlations and len(names) > 1:
             console.table(
                 [
                     {
@@ -336,19 +329,6 @@ class Identify(JsonOption):
                 ],
                 title="correlation of the estimates",
             )
-        console.pairs(
-            {
-                "model": found.model,
-                "flight compared": f"{found.hours:.2f} h, {found.samples} samples",
-                "depth rate, RMSE": (
-                    f"{100 * found.depth_rate_rmse:.2f} cm/s "
-                    f"(nominal vehicle {100 * found.nominal_depth_rate_rmse:.2f})"
-                ),
-                "depth rate, outliers weighted down": f"{100 * found.robust_deviation:.2f} cm/s",
-                "correlation time": f"{found.correlation_time:.0f} s",
-                **changes,
-            }
-        )
         console.answer(
             vehicle=found.nominal.vehicle.name,
             store=self.store,
@@ -384,6 +364,35 @@ class Identify(JsonOption):
                     f"{one.nominal:.4g}: the vehicle differs, or the model lacks something that "
                     f"this takes up{known}"
                 )
+
+
+def _sentences(found: Identification, missions: int, refined: Refinement | None) -> Iterator[str]:
+    """Sentences on the depth rate, the current or the twin, and the deviations of a fit."""
+    before, runs = found.nominal.vehicle.name, found.model == "driven"
+    yield (
+        f"The depth rate is within {100 * found.depth_rate_rmse:.2f} cm/s of the log's (RMS; "
+        f"{before} {100 * found.nominal_depth_rate_rmse:.2f}), over {found.hours:.1f} h of "
+        f"{missions} {'runs' if runs else 'dives'}."
+    )
+    if refined is not None:
+        yield (
+            f"The twin in MuJoCo is within {100 * refined.depth_rate_rmse:.2f} cm/s and "
+            f"{math.degrees(refined.pitch_rmse):.2f} deg of pitch of it, in {refined.windows} "
+            "windows."
+        )
+    elif found.current_change is not None and found.nominal_current_change is not None:
+        yield (
+            f"The current changes by {100 * found.current_change:.2f} cm/s from dive to dive "
+            f"(median; {before} {100 * found.nominal_current_change:.2f})."
+        )
+    elif not runs:
+        yield "No currents between fixes were compared, which would tell lift and compass."
+    includes = (
+        "hold if the model does"
+        if runs or refined is not None
+        else ("include the usual errors of the values that are kept")
+    )
+    yield f"Deviations {includes}; --correlations prints how the estimates depend on each other."
 
 
 def _say_unseen(console: Console, mine: DrivenErrors, before: DrivenErrors) -> None:

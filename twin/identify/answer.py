@@ -18,6 +18,8 @@ from twin.identify.comparison import Comparison, ResidualNoise, rms
 from twin.identify.logged_missions import Record
 from twin.identify.pitch import PITCHING
 from twin.identify.unknowns import NAMES, UnknownParameter
+from twin.records.logged import start_times
+from twin.records.reader import MissionStore
 from twin.records.storage.checksums import store_hash
 from twin.version import __version__
 
@@ -260,8 +262,13 @@ DIGITS = 6
 """Significant digits of recorded numbers; a standard deviation is known to two."""
 
 
-def provenance_of(found: Identification, store: str | Path) -> dict[str, Any]:
-    """Record of a fit, its store and its estimates, JSON-able, without times and paths."""
+def provenance_of(
+    found: Identification, store: str | Path, rows: Sequence[int] | None = None
+) -> dict[str, Any]:
+    """Record of a fit, its store and its estimates, JSON-able, without paths.
+
+    The dates are those of the first and the last of `rows`, by default of the whole store.
+    """
 
     def short(value: float) -> float | None:
         return float(f"{value:.{DIGITS}g}") if value == value else None
@@ -271,6 +278,7 @@ def provenance_of(found: Identification, store: str | Path) -> dict[str, Any]:
         "started_from": found.nominal.vehicle.name,
         "store": Path(store).name,
         "store_sha256": store_hash(store),
+        "dates": _dates(store, rows),
         "model": found.model,
         "missions": found.missions,
         "samples": found.samples,
@@ -290,3 +298,12 @@ def provenance_of(found: Identification, store: str | Path) -> dict[str, Any]:
             "matrix": [[short(value) for value in row] for row in found.correlation.tolist()],
         },
     }
+
+
+def _dates(store: str | Path, rows: Sequence[int] | None) -> list[str]:
+    """First and last day, UTC, on which these rows begin; empty where the store has no times."""
+    with MissionStore(store) as found:
+        starts = start_times(found)
+    starts = starts if rows is None else starts[list(rows)]
+    days = starts[np.isfinite(starts)].astype("datetime64[s]").astype("datetime64[D]")
+    return sorted({str(days.min()), str(days.max())}) if len(days) else []

@@ -26,7 +26,7 @@ from twin.identify.comparison import (
 from twin.identify.logged_missions import Log, gliding
 from twin.identify.residuals import LEAST_PAIRS, DepthRates
 from twin.identify.speed import FlightModel
-from twin.identify.unknowns import PARAMETERS, UnknownParameter, choose
+from twin.identify.unknowns import NAMES, PARAMETERS, UnknownParameter, choose
 from twin.vehicle.parts.pump import CUBIC_CM
 
 LEAST_SAMPLES = 100
@@ -48,6 +48,8 @@ HULLS_DIFFER = 1.5e-10
 DRIFT = 20.0
 """[cm3] Uncertainty of the displaced volume that changes with depth as a hull's does: air in the
 oil, pumped volume, salinity, temperature of the hull"""
+ENOUGH_DEEP = 3
+"""Dives that must be deep enough to tell one hull from another"""
 USUAL_RMSE = {"slocum": 0.8, "seaglider": 1.2}
 """[cm/s] Usual RMS residual of the depth rate, by the first part of shipped names: medians of four
 and seven public logs, off inflections (docs/results/real_logs.md)"""
@@ -114,7 +116,9 @@ def identify(
     progress(0.15)
     first = DepthRates(logs, nominal, free, model, fixes=fixes)
     x, _ = first.fit(start, PASSES - 1, progress=lambda part: progress(0.15 + 0.5 * part), **FINE)
-    deviation = np.sqrt(np.diag(_covariance(first, x)))
+    # what is asked for is estimated where the log determines it beside exact values at nominal
+    exact = known if parameters is None else NAMES
+    deviation = np.sqrt(np.diag(_covariance(first, x, exact)))
     before = dict(zip((p.name for p in free), deviation, strict=True))
     for name, off in before.items():
         if off > UNDETERMINED and name not in ALWAYS:
@@ -132,7 +136,7 @@ def identify(
     final = DepthRates(logs, nominal, kept, model, fixes=fixes)
     x = np.array([offsets[p] for p in kept])
     x, noise = final.fit(x, PASSES, progress=lambda part: progress(0.65 + 0.35 * part), **FINE)
-    covariance = _covariance(final, x)
+    covariance = _covariance(final, x, known)
     said = [(True, "at its lower bound" if low else "") for low in x < final.lowest + AT_BOUND]
     found = answer_of(
         *(final, x, logs, wanted, notes, before, covariance, said, noise["depth_rate"]), model
@@ -152,10 +156,23 @@ def free_of(
     return free
 
 
-def _covariance(problem: DepthRates, x: Array) -> Array:
-    """Covariance of the offsets, in spreads."""
-    jacobian = problem.jacobian(x)
-    return np.asarray(np.linalg.inv(jacobian.T @ jacobian), np.float64)
+def _covariance(problem: DepthRates, x: Array, known: Sequence[str]) -> Array:
+    """Covariance of the offsets, in spreads, which includes errors of the parameters at nominal.
+
+    A parameter that is neither fitted nor `known` has its `held` standard deviation, and moves the
+    fit by its own slopes (consider covariance; Tapley et al. 2004, Statistical Orbit
+    Determination, 6.2).
+    """
+    held = [p for p in PARAMETERS if p not in problem.parameters and p.name not in known]
+    held = [p for p in held if problem.pairs or not p.name.startswith("heading")]
+    wider = problem
+    for parameter in held:
+        wider = wider.with_parameter(parameter)
+    slopes = wider.slopes(np.append(x, np.zeros(len(held))))
+    own, others = slopes[:, : len(x)], slopes[:, len(x) :]
+    inverse = np.linalg.inv(own.T @ own + np.eye(len(x)))
+    moved = inverse @ (own.T @ others) * [p.held / p.spread for p in held]
+    return np.asarray(inverse + moved @ moved.T, np.float64)
 
 
 def _check_residual(problem: DepthRates, x: Array, found: Identification) -> None:
@@ -244,7 +261,7 @@ def _unsupported(problem: DepthRates, x: Array, candidate: UnknownParameter) -> 
 def _too_shallow(logs: Sequence[Log], nominal: Calibration) -> str:
     """Reason why dives are too shallow to tell one hull from another; empty where they are not."""
     vehicle = nominal.vehicle
-    deepest = float(np.median([log.depth[log.use].max(initial=0.0) for log in logs]))
+    deepest = sorted(float(log.depth[log.use].max(initial=0.0)) for log in logs)[-ENOUGH_DEEP:][0]
     pressure = vehicle.reference_density * vehicle.gravity * deepest
     differ = HULLS_DIFFER * pressure * vehicle.neutral_volume / CUBIC_CM
     if differ >= DRIFT:

@@ -42,6 +42,8 @@ class UnknownParameter:
     """True: the value is positive, and its logarithm is estimated."""
     least: float | None = None
     """Smallest possible value in `unit`, of a parameter that is not logarithmic"""
+    fixed: float | None = None
+    """Standard deviation of a value that a fit leaves at nominal, as `spread`; None: `spread`"""
     channel: str | None = None
     """Requirement for an estimate: "temperature" or "fixes" in the log, "pressure" enough to tell
     hulls apart, the position of a part ("rotation", "fin"), "dives" that are predicted better with
@@ -50,6 +52,11 @@ class UnknownParameter:
     between fixes separate lift; left-out dives separate a pitch offset. They do not separate lift
     and induced drag: where they predicted depth rates better, the speed against a Doppler log was
     worse (docs/howto/identify.md)."""
+
+    @property
+    def held(self) -> float:
+        """Standard deviation of a value that a fit leaves at nominal, as `spread`."""
+        return self.spread if self.fixed is None else self.fixed
 
     def at(self, calibration: Calibration, nominal: float, offset: float) -> Calibration:
         """Return the calibration with this parameter `offset` spreads away from `nominal`."""
@@ -142,16 +149,16 @@ PARAMETERS: tuple[UnknownParameter, ...] = (
     UnknownParameter(
         "neutral_density", "kg m-3", "density in which the vehicle is neutral at pump 0: the trim",
         5.0, lambda c: c.vehicle.reference_density,
-        lambda c, x: c.with_vehicle(reference_density=x)),
+        lambda c, x: c.with_vehicle(reference_density=x), fixed=0.5),
     # a factor of 2.7 either way: in effect free
     UnknownParameter(
         "drag", "kg m-1",
         "parasite drag K_D0; lift, side force and induced drag keep their ratios to it",
-        1.0, _drag, _set_drag, logarithmic=True),
-    # one vehicle file stands for hulls of 50 to 75 kg
+        1.0, _drag, _set_drag, logarithmic=True, fixed=0.2),
+    # one vehicle file stands for hulls of 50 to 75 kg, those of one type differ by a sixth
     UnknownParameter(
         "mass", "kg", "mass, and with it the volume whose buoyancy follows the water's density",
-        0.3, lambda c: c.vehicle.mass, _set_mass, logarithmic=True, channel="request"),
+        0.3, lambda c: c.vehicle.mass, _set_mass, logarithmic=True, fixed=0.05, channel="request"),
     # published Slocum models: 48 and 62
     of_law(
         "lift_ratio", "rad-1", "lift slope over parasite drag, K_alpha / K_D0: the angle of attack",
@@ -159,12 +166,13 @@ PARAMETERS: tuple[UnknownParameter, ...] = (
     # published Slocum models: 12 and 70
     of_law(
         "induced_ratio", "rad-2", "induced over parasite drag, K_D / K_D0",
-        0.7, "drag", 1, _drag, logarithmic=True, channel="request"),
+        0.7, "drag", 1, _drag, logarithmic=True, fixed=0.3, channel="request"),
     # metal hulls: 4 to 7
     UnknownParameter(
         "compressibility", "1e-10 Pa-1", "relative volume that the hull loses per pressure",
         6.0, lambda c: 1e10 * c.vehicle.hull_compressibility,
-        lambda c, x: c.with_vehicle(hull_compressibility=1e-10 * x), least=0.0, channel="pressure"),
+        lambda c, x: c.with_vehicle(hull_compressibility=1e-10 * x), least=0.0, fixed=1.0,
+        channel="pressure"),
     # aluminium 71, composites less
     of_sensor(
         "thermal_expansion", "1e-6 K-1", "relative volume that the hull gains per temperature",
@@ -175,8 +183,8 @@ PARAMETERS: tuple[UnknownParameter, ...] = (
     # alignment of an attitude sensor in the hull
     of_sensor(
         "pitch_offset", "degree", "true pitch less the sensor's", 1.0, DEGREE, channel="dives"),
-    # a Slocum's sensor read 1.16 times its pitch (Merckelbach et al. 2019)
-    of_sensor("pitch_scale", "1", "true pitch over the sensor's", 0.1, channel="dives"),
+    # a Slocum's sensor read 1.16 times its pitch (Merckelbach et al. 2019); data sheets: 0.25 deg
+    of_sensor("pitch_scale", "1", "true pitch over the sensor's", 0.1, fixed=0.01, channel="dives"),
     of_sensor(
         "heading_offset", "degree", "true heading less the compass', mean over all headings",
         _COMPASS_SPREAD, DEGREE, channel="fixes"),

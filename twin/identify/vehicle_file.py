@@ -70,6 +70,20 @@ WRITTEN: dict[str, Callable[[Vehicle], Any]] = {
 """Numbers that identification may change, as functions of the vehicle, by name"""
 DIGITS = 10
 """Significant digits of a written number, far finer than any standard deviation"""
+SOURCES: Mapping[str, tuple[str, ...]] = {
+    "reference_density": ("neutral_density",),
+    "hull_compressibility": ("compressibility",),
+    "hull_thermal_expansion": ("thermal_expansion",),
+    "hull_thermal_lag": ("thermal_lag",),
+    "drag": ("drag", "induced_ratio"),
+    "lift": ("drag", "lift_ratio"),
+    "side_force": ("drag", "side_force"),
+    "yaw_moment": ("yaw_moment", "yaw_damping"),
+    "rudder.lift_slope": ("rudder",),
+    "pump": ("pump_position",),
+    "battery": ("shift_offset", "roll_authority"),
+}
+"""Parameters that change an element of the file, by the element's name, where the names differ"""
 
 
 def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
@@ -84,7 +98,7 @@ def vehicle_xml(calibration: Calibration, provenance: Mapping[str, Any]) -> str:
     else:
         vehicle, measured = _as_flown(calibration), _measured(calibration)
         step = largest_step(vehicle)
-    xml = _with_changes(vehicle)
+    xml = _with_sources(_with_changes(vehicle), vehicle, provenance)
     if step != file_timestep(vehicle):
         head = r'(<option\b[^>]*\btimestep=")[^"]*(")'
         xml = _substitute(xml, head, _text([step]), "<option timestep>", vehicle)
@@ -128,6 +142,45 @@ def _measured(calibration: Calibration) -> str:
         "         heading [rad]: mean, cos, sin, cos and sin of twice the heading -->\n"
         f'    <numeric name="{SENSOR_NUMERIC}" data="{_text(sensors)}"/>\n'
     )
+
+
+def _with_sources(xml: str, vehicle: Vehicle, provenance: Mapping[str, Any]) -> str:
+    """Text whose changed elements say log, dates and standard deviations in place of comments."""
+    log = str(provenance.get("store", "a log"))
+    if dates := provenance.get("dates"):
+        log += ", " + " to ".join(dates)
+    estimates = provenance.get("parameters", {})
+
+    def source(name: str) -> str:
+        found = [
+            "{} {:.4g} +- {:.2g} [{}]".format(own, one["value"], one["deviation"], one["unit"])
+            for own in SOURCES.get(name, (name,))
+            if (one := estimates.get(own, {})).get("deviation")
+        ]
+        return f"identified from {log}" + ": " * bool(found) + ", ".join(found)
+
+    return _commented(vehicle.xml, xml, source)
+
+
+def _commented(before: str, after: str, source: Callable[[str], str]) -> str:
+    """Text `after` with the units and `source(name)` as the comment of each changed element.
+
+    An element is changed where `before` lacks it. Only the last element of a line has a comment.
+    """
+    pattern = re.compile(r"^([ \t]*<(?!!)[^\n]*?>)([ \t]*)(?:<!--(.*?)-->)?[ \t]*$", re.M | re.S)
+    known = {match.group(1).strip() for match in pattern.finditer(before)}
+
+    def replaced(match: re.Match[str]) -> str:
+        element, gap, comment = match.groups()
+        if element.strip() in known:
+            return match.group(0)
+        name = re.search(r'\bname="([^"]*)"', element)
+        words = re.split("[:;]", re.sub(r" \([^)]*\)", "", comment or ""))[0].split(", ")
+        units = ", ".join(found.group(0) for w in words if (found := re.match(r".*\]", w)))
+        text = units.strip() + " " * bool(units) + source(name.group(1) if name else "")
+        return f"{element}{gap or '  '}<!-- {text.replace('--', '-')} -->"
+
+    return pattern.sub(replaced, after)
 
 
 def _with_changes(vehicle: Vehicle) -> str:
@@ -191,6 +244,7 @@ def with_consumption(vehicle: Vehicle, consumption: Consumption) -> Vehicle:
         value = getattr(consumption, field.name)
         if value != getattr(mine, field.name):
             xml = _numeric(xml, field.name, [value], vehicle)
+    xml = _commented(vehicle.xml, xml, lambda name: "identified from a log's counter of charge")
     return parse_vehicle(xml, vehicle.path)
 
 

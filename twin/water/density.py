@@ -39,6 +39,9 @@ DEFAULT_SPACING = 1.0
 SEA_COMPRESSIBILITY = 4.35e-10
 """[1/Pa] Compressibility of sea water, mean over the upper 1000 m at 35 g/kg and 10 degC (TEOS-10).
 A hull's is nearly equal: assumed incompressible, the water of a log makes its hull seem rigid."""
+STANDARD_OCEAN = (1028.106, 4.7e-3)
+"""[kg/m3], [kg/m4] Density of TEOS-10's standard ocean (0 degC, 35 g/kg) at the surface and its
+growth with depth, within 0.02 kg/m3 to 1000 m. Logs make depth of pressure by this water."""
 COLUMN_DEPTH = 6000.0
 """[m] Depth of a column that is given by its surface density alone."""
 PROGRAM_HEADER = 2
@@ -322,7 +325,7 @@ class DensityProfile:
         return self._compiled(self.values, spacing)
 
     def compile_temperature(self, *, spacing: float | None = None) -> Array:
-        """Compile in-situ temperature [degree_Celsius] as `compile`; empty where unknown."""
+        """Compile in-situ temperature [degree_Celsius] as `compile`; empty if unknown."""
         if self.temperature is None:
             return np.zeros(0)
         return self._compiled(self.temperature, spacing)

@@ -236,6 +236,46 @@ def test_written_vehicle_loads_flies_and_says_where_it_comes_from(tmp_path, name
         write_vehicle(calibration, path, {})
 
 
+def test_changed_numbers_say_log_dates_and_deviation_and_no_older_source(tmp_path):
+    """A number that stays keeps its comment; written again, a comment is replaced, not added to."""
+    calibration = with_known(load_calibration("slocum-200"), {"compressibility": 6.0, "drag": 9.3})
+    calibration = calibration.with_vehicle(usual_glide=(0.4, 0.2))
+    drag = {"value": 9.3, "deviation": 0.41, "unit": "kg m-1"}
+    said = {
+        "store": "a--b.zarr",
+        "dates": ["2023-09-02", "2023-09-05"],
+        "parameters": {"drag": drag},
+    }
+    source = "identified from a-b.zarr, 2023-09-02 to 2023-09-05"
+    for name in ("first.xml", "second.xml"):
+        path = write_vehicle(calibration, tmp_path / name, said)
+        lines = {
+            found.group(1): line
+            for line in path.read_text().splitlines()
+            if (found := re.search(r'<numeric name="(\w+)"', line))
+        }
+        assert lines["usual_glide"].endswith(f"<!-- pitch [rad], net mass [kg] {source} -->")
+        assert lines["hull_compressibility"].endswith(f"<!-- [1/Pa] {source} -->")
+        assert lines["drag"].endswith(
+            f"<!-- K_D0 [kg/m], K_D [kg/m/rad2] {source}: drag 9.3 +- 0.41 [kg m-1] -->"
+        )
+        assert "Teledyne Webb's data sheet" in lines["rated_depth"]
+        calibration = load_calibration(path).with_vehicle(usual_glide=(0.41, 0.2))
+        calibration = with_known(calibration, {"compressibility": 6.1, "drag": 9.4})
+
+
+@pytest.mark.parametrize("asked", [False, True])
+def test_the_command_says_three_sentences_and_correlations_when_asked(store, capsys, asked):
+    words = ["identify", str(store), "--vehicle", "glider", "--no-handling"]
+    words += ["--parameters", "drag", "neutral_density"]
+    assert PROGRAM.main([*words, *["--correlations"] * asked]) == 0
+    said = capsys.readouterr().out
+    assert ("correlation of the estimates" in said) == asked
+    assert re.search(r"depth rate is within \d\.\d\d cm/s of the log's \(RMS; glider", said)
+    assert "No currents between fixes were compared" in said
+    assert "Deviations include the usual errors of the values that are kept" in said
+
+
 def test_damaged_sensor_errors_are_named(tmp_path):
     path = write_vehicle(load_calibration("graver-2005"), tmp_path / "a.xml", {})
     text = path.read_text()
@@ -384,7 +424,7 @@ def test_the_bar_is_full_when_the_last_stage_ends(refines, handles):
 def test_the_help_says_what_no_fixes_does(capsys):
     assert PROGRAM.main(["identify", "--help"]) == 0
     said = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    assert "--no-fixes fit the depth rate only" in said
+    assert "--no-fixes fit the vertical velocity only" in said
     assert "ten hours of log" in said
 
 
