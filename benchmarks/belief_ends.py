@@ -6,8 +6,8 @@ The stores are those of `factory import`, with attitude. For each deployment `tw
 drag and neutral density to all dives at once, from the shipped vehicle of the log's type.
 `follow_parameters` estimates them dive by dive. Without random walks, the last estimate must equal
 the fit. With the walks of `twin watch`, the smoothed walk's mean is compared with the fit. `off` is
-the difference over the root of the sum of both variances. `white` is the root mean square of the
-normalised innovations, 1 if their size is as stated.
+the difference divided by the root of the sum of both variances. `white` is the root mean square of
+the normalised innovations, 1 if their size is as stated.
 """
 
 from __future__ import annotations

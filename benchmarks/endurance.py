@@ -6,7 +6,7 @@ The batched engine flies dives of three vehicles to seven depths; deployments ar
 dives. In a deployment, electronics, pump and payload differ from the vehicle file's, and the pump
 weakens. Dives are shallower than planned and correlated in sequence. The payload is on in
 some dives, and half of the deployments change to another depth in the first third. The rival
-prediction is the energy left over the mean power so far.
+prediction is the energy left divided by the mean power so far.
 """
 
 from __future__ import annotations

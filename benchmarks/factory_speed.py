@@ -54,7 +54,7 @@ FOSSEN_SECONDS = 600.0
 
 
 def rates(work: Callable[[], object], seconds: float) -> tuple[float, float]:
-    """`seconds` [s] of simulation over the elapsed and over the CPU time that it takes."""
+    """Speed of simulating `seconds` [s]: relative to elapsed time and to CPU time."""
     wall, cpu = time.perf_counter(), time.process_time()
     work()
     return seconds / (time.perf_counter() - wall), seconds / (time.process_time() - cpu)

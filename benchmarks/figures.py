@@ -27,7 +27,7 @@ NUMBER = r"\d{1,3}(?: \d{3})+|\d+(?:\.\d+)?(?:e-?\d+)?"
 ONE = re.compile(rf"(?:({NUMBER}) to )?({NUMBER}) ?<!-- figure: ([\w.]+) -->")
 MANY = re.compile(r"<!-- figures: ([\w.]+) -->\n\n((?:.+\n)+)")
 KEEPING = {"on": False, "fresh": False}
-"""Whether `measured` writes, and whether it deletes earlier runs"""
+"""State of `measured`: "on", it writes figures; "fresh", it first deletes those of earlier runs"""
 
 
 def measured(benchmark: str, **figures: float | list[float]) -> None:
@@ -105,7 +105,7 @@ def _number(text: str) -> float:
 
 
 def as_printed(text: str, value: float) -> bool:
-    """Whether `text` is this value, rounded to the digits of `text`.
+    """True if `text` is this value, rounded to the digits of `text`.
 
     >>> as_printed("2.1e-7", 2.13e-7), as_printed("114 000", 113870.0), as_printed("0.74", 0.747)
     (True, True, False)

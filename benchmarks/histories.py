@@ -3,11 +3,11 @@
     python -m benchmarks.histories [KIND ...] [--histories 1000] [--seed 0]
 
 A history of `factory generate` has one to three killed runs, damaged files of the unfinished store,
-and a final run to the end. Killed are the parent, one of two workers, three --shard commands at
-once, or a worker of a dask cluster, which another one replaces. The store must then have the same
-bytes as an undisturbed run's, and no further files. `factory verify` must name each damaged file
-(`damage`: of finished stores). A killed `import` must leave the old or new store whole, a killed
-pass of `watch` a state that the next pass completes.
+and a final run to the end. The killed process is the parent, one of two workers, three --shard
+commands at once, or a worker of a dask cluster, which is replaced by another. The store must then
+have the same bytes as an undisturbed run's, and no further files. `factory verify` must name each
+damaged file (`damage`: of finished stores). A killed `import` must leave the old or new store
+whole, a killed pass of `watch` a state that the next pass completes.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class Ground:
 
     @classmethod
     def prepare(cls, folder: Path, seed: int = 0) -> Ground:
-        """Make the store undisturbed, by one process and by two, and time the latter."""
+        """Make the store undisturbed by one process, then by two processes, which are timed."""
         recipe = make_recipe(hours=HOURS, changes=SHORT)
         assert done(lambda: generate(recipe, folder / "one.zarr", workers=1))
         begun = time.monotonic()

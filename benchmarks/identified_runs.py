@@ -4,19 +4,18 @@
                                          [--runs 4] [--json]
     python -m benchmarks.identified_runs --sway sail.zarr
 
-Each seed makes an unknown vehicle. Every derivative of its hull law differs by up to 15 %,
-drag by -25 to +35 %, thrust by 15 %, fins by -25 to +30 % and 1.5 deg. Its centre of gravity is off
-by 1 mm along the hull, its righting arm by 15 %, added mass by 15 %, neutral density by 1 kg/m3. It
-flies `--runs` surveys in a current over a sea floor, guided like the shipped vehicle, with the
-sensors of `survey-field` (each run with its own errors). From these measurements it is identified.
-Then the identified, the shipped and the true vehicle fly three unseen missions in MuJoCo, under the
-guidance of the shipped vehicle's file. Printed are errors against the true vehicle, sample by
-sample: of surge the mean absolute error over its mean, of yaw rate and depth rate the root mean
-squares over theirs. `spread` is the root mean square error of the determined parameters in stated
-standard deviations. With `--bags` the identification reads rosbag2 folders, written by ROS's own
-library and read by `factory import`. With `--dimensions` it starts from length, diameter, mass,
-fins and screw, without a file; the print then has these dimensions' vehicle as the shipped one.
-file; what is printed beside it is then the vehicle that these dimensions make.
+Each seed makes an unknown vehicle. Every derivative of its hull law differs by up to 15 %, drag by
+-25 to +35 %, thrust by 15 %, fins by -25 to +30 % and 1.5 deg. Its centre of gravity is off by 1 mm
+along the hull, its righting arm by 15 %, added mass by 15 %, neutral density by 1 kg/m3. The
+vehicle flies `--runs` surveys in a current over a sea floor, guided like the shipped vehicle, with
+the sensors of `survey-field` (each run with its own errors), and is identified from them. Then the
+identified, the shipped and the true vehicle fly three unseen missions in MuJoCo, under the guidance
+of the shipped vehicle's file. The program prints errors relative to the true vehicle: mean absolute
+error of surge / mean surge, and RMS errors of yaw rate and depth rate / their RMS. `spread` is the
+root mean square error of the determined parameters in stated standard deviations. With `--bags` the
+identification reads rosbag2 folders, written by ROS's own library and read by `factory import`.
+With `--dimensions` it starts from length, diameter, mass, fins and screw, without a file; the
+vehicle of these dimensions then replaces the shipped one.
 
 `--sway` is for a store of real runs with a Doppler log and gyroscopes, without controls. The steady
 sway per yaw rate is fitted to all deployments but one, and applied to that one.

@@ -6,8 +6,8 @@
 For each of four glider types, networks are trained on the three others, on that type alone, and on
 all four. Test missions of the type have 40 % more drag, as in `benchmarks.dead_reckoning`, tier
 `family`. Scores are after five dives, unadapted, and adapted to these dives as `learn adapt` does
-without a velocity. The ratio is the error of the others' networks over that of the type's networks,
-with a bootstrap over the missions.
+without a velocity. The ratio is the error of the networks of other types, divided by the error of
+the type's own networks, with a bootstrap over the missions.
 
 Networks of several types do not read controls, whose units are each vehicle's own, but the flight
 filter's estimates; those of one type have all inputs. Stores and runs stay in the folder: remove

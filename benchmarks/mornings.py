@@ -21,9 +21,10 @@ from benchmarks import command
 from glider_twin_ops.forecast import legs_of
 from glider_twin_ops.pages.morning_page import LATEST, PAGE
 from glider_twin_ops.watching import WatchedDeployment, one_pass
+from glider_twin_ops.watching.changes import surfaced
 from glider_twin_ops.watching.deployment_folder import SETTINGS
 from glider_twin_ops.watching.log_of_files import LOG, log_of_files
-from glider_twin_ops.watching.watch_pass import PAST, surfaced
+from glider_twin_ops.watching.watch_pass import PAST
 from twin.records.logged import LogStore
 
 DEPLOYMENTS = {

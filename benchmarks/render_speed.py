@@ -35,7 +35,7 @@ from twin.water.current.profile import Profile  # noqa: E402
 FRAMES = 40
 WARM_UP = 3
 FLOOR = 0.8
-"""[1] Least frame rate over the bare Renderer's, overlays included"""
+"""[1] Least frame rate / frame rate of the bare Renderer, overlays included"""
 CURRENT = Profile(depth=(0.0, 60.0, 150.0), north=(0.25, 0.12, 0.0), east=(0.10, 0.14, 0.05))
 
 

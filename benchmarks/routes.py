@@ -49,11 +49,11 @@ LENGTH = 80e3
 HALF = 60e3
 """[m] Half width of the region"""
 RATIOS = (0.5, 0.8, 1.1)
-"""[1] rms of the current over the vehicle's speed"""
+"""[1] RMS of the current / speed of the vehicle"""
 DEPTH = 200.0
 """[m] Depth of the dives, over which a file's current is averaged"""
 MUCH = 0.01
-"""[1] Least saving, over the straight route's time, for a comparison in a single sea"""
+"""[1] Least saving / time of the straight route, for a comparison in a single sea"""
 THROWN, MOVED = 1000, 6
 ERROR = 0.05
 """[m/s] Error of the forecast, north and east each"""

@@ -23,7 +23,7 @@ YARDSTICKS = (("fish", "swim"), ("swimmer", "swimmer6"))
 
 
 def median_cost(step: Callable[[], object]) -> float:
-    """[us] Median time of a call, over the repeats."""
+    """[us] Median time of a call."""
 
     def steps() -> None:
         for _ in range(STEPS):
@@ -65,7 +65,7 @@ def rewards() -> None:
 
 
 def episode(task: str, policy: str, seed: int) -> float:
-    """Mean reward over the episode's full length: what is lost by ending it early counts as 0."""
+    """Mean reward over an episode's full length; after an early end, rewards count as 0."""
     environment = control.load(task, task_kwargs={"random": seed})
     pilot = POLICIES[policy](environment, seed)
     time_step, total = environment.reset(), 0.0

@@ -3,24 +3,24 @@
     python -m benchmarks.surfacings FOLDER [--shipped | --priors | --times] [--waypoints 1]
         [--json]
 
-FOLDER holds stores of logs, or folders of logs whose names begin with their format (slocum_...,
-seaglider_..., seaexplorer_...), which are imported. The priors before the first dive (`Priors`) are
-learned for each deployment from the others. The deployment is then forecast dive by dive, from the
-second to the last. `--shipped` takes the shipped priors instead, for deployments that did not train
-them; `--priors` prints those of all in the folder. `--waypoints 1` uses only the first of a dive's
-waypoints.
+FOLDER holds stores of logs, or folders of logs whose names begin with their kind (slocum_...,
+seaglider_..., seaexplorer_...), which are imported. Each deployment is left out once: the priors of
+all models (`Priors`) are learned from the others, then every surfacing from its second dive to its
+last is forecast. `--shipped` takes the shipped priors instead, for deployments that did not teach
+them; `--priors` prints those learned from the whole folder. `--waypoints 1` gives forecast and
+rivals the first waypoint of a dive alone, 0 none.
 
-A row has the forecast's error, that of the deployment's best rival, their ratio with its 95 %
-bootstrap interval over dives, and the fraction of fixes inside the ellipses. For currents there is
-also the ratio to the best single model of the pool, chosen in hindsight. For surfacings it has the
-error of the vehicle's own track at the end of the dive, which uses the dive's flight and duration.
-Groups are by the source of the track through the water; a satellite log has the current alone.
+A row has the errors of the forecast and of all rivals, the ratio to one rival with its 95 %
+bootstrap interval over dives, and the fractions that the ellipses hold. The rival is the same in
+all rows: the best one over all deployments together. For currents a row also has the ratio to the
+best single model of the pool, chosen in hindsight; for surfacings the error of the vehicle's own
+track at the end of the dive, which knows course and duration. Groups are by the source of the
+displacement through the water: satellite logs only have the vehicle's reported current.
 
-`--times` forecasts, from the fifth dive on, the times of the next, the second and the fourth
-surfacing of each deployment. It uses surface intervals and the regularity of the dives so far
-(`Rhythm`). Surfacings after a gap in the log are left out. Printed are the fraction of times within
-the 90 % interval, its median width, and the median error of its middle. The rival has dives without
-surface intervals, of the median duration of the last five.
+`--times` forecasts the times of the next, second and fourth surfacing from each deployment's fifth
+dive on, by surface intervals and durations so far (`Rhythm`), without those beyond a gap in the
+log. A row has the fraction within the interval of 90 %, its median width, and the median error of
+the middle, beside a rival without surface intervals whose dives last the median of the last five.
 """
 
 from __future__ import annotations
@@ -40,37 +40,39 @@ from scipy.stats import binom
 
 from benchmarks import command
 from factory.importing import import_logs
-from glider_twin_ops.forecast import DeploymentHindcast, Judged, Priors, Scores, hindcast, scores_of
-from glider_twin_ops.forecast.expected_dive import Rhythm, SurfacingSchedule
+from glider_twin_ops.forecast import DeploymentHindcast, Judged, Priors, hindcast, scores_of, walk
+from glider_twin_ops.forecast.expected_dive import BOTH, Rhythm, SurfacingSchedule
 from glider_twin_ops.forecast.logged_leg import REPORTED, DiveTime, dive_times
 from glider_twin_ops.forecast.pool import BESIDE, FIELD, FILTER, CurrentPool, Prior
-from glider_twin_ops.forecast.walk import Pair, bootstrap
+from glider_twin_ops.forecast.walk import METHODS, Pair, bootstrap
 from twin.errors import InputError, TwinError
-from twin.navigation.current import Reaches
+from twin.navigation.current.tuning import PARTS
 from twin.records.logged import LogStore
 from twin.records.presence import is_store
 from twin.records.store import write_store
 
+POOLS = {"current": "pool", "way": "ways", "ground": "ground", "schedule": "schedule"}
+"""Field of `Walked` by field of `Priors`"""
 KINDS = ("slocum", "seaglider", "seaexplorer")
 LOGS = frozenset({".sbd", ".dbd", ".nc", ".parquet", ".csv", ".gz"})
 NEUTRAL = 0.1
-"""[m/s], or [1] of a duration: scale of every model's errors before anything is learned"""
+"""[m/s], of a duration [1]: scale of every model's errors before anything is learned"""
 LEAST = 5
-"""Fewest dives of a deployment that contributes to the priors"""
+"""Least number of dives of a deployment that teaches the priors"""
 ALIVE = 0.02
-"""[1] Addition to a learned weight, so that no model is excluded"""
+"""[1] Addition to a learned weight, so that no model is ruled out"""
 SAID = 20
-"""Scored surfacings from which a deployment has its own row"""
+"""Least number of scored surfacings of a deployment that is judged alone"""
 CONFIDENCE = 0.99
-"""[1] Confidence of the intervals that must contain the coverages"""
+"""[1] Confidence of the intervals of coverages"""
 AHEAD = (1, 2, 4)
 KNOWN, DRAWS, ASKED = 4, 400, 8
-"""Dives before the first forecast, sample count, and number of forecasts per deployment"""
+"""Number of dives before the first forecast of times, of samples, and least number of dives"""
 MINUTE = 60.0
 
 
 def stores_in(folder: Path, work: Path) -> list[Path]:
-    """Stores of a folder, or imported from its folders of logs.
+    """Stores of a folder, or stores that are imported from its folders of logs.
 
     Raises:
       InputError: the folder has neither.
@@ -105,21 +107,21 @@ def stores_in(folder: Path, work: Path) -> list[Path]:
 
 
 def neutral() -> Priors:
-    """Priors before any deployment: equal weights and neutral scales."""
+    """Priors that no deployment has taught: equal weights and scales."""
     shipped = Priors()
 
     def alike(priors: Mapping[str, Prior]) -> dict[str, Prior]:
-        return {n: Prior(1.0, 1.0 if n in (FILTER, BESIDE) else NEUTRAL) for n in priors}
+        return {n: Prior(1.0, 1.0 if n in (FILTER, BESIDE, BOTH) else NEUTRAL) for n in priors}
 
-    pools = {name: alike(getattr(shipped, name)) for name in ("current", "way", "schedule")}
+    pools = {name: alike(getattr(shipped, name)) for name in POOLS}
     return dataclasses.replace(shipped, **pools)
 
 
 def learned(deployments: Sequence[DeploymentHindcast]) -> Priors:
-    """Fit priors to deployments that were forecast with neutral priors.
+    """Learn priors from deployments that were forecast with neutral ones.
 
-    A model's weight is its share in explaining the dives, its scale the geometric mean, with equal
-    weight for each deployment. The reaches are quantiles over all scored dives.
+    A model's weight is its mean posterior weight over the dives, its scale the geometric mean; each
+    deployment counts once. The ellipses' radii come from forecasts with these weights and scales.
     """
     taught = [one for one in deployments if len(one.legs) >= LEAST]
     start = neutral()
@@ -137,25 +139,55 @@ def learned(deployments: Sequence[DeploymentHindcast]) -> Priors:
             found[name] = Prior(round(float(np.mean(known)) + ALIVE, 2), float(f"{scale:.2g}"))
         return found
 
-    def reach(which: str) -> Pair:
-        distances = [j.distance for one in taught for j in judged(one, which)]
-        half, ninety = Reaches.of(distances).now
-        return float(f"{half:.2g}"), float(f"{ninety:.2g}")
+    pools = {name: pooled(name, at, getattr(start, name)) for name, at in POOLS.items()}
+    priors = Priors(**pools)
+    again = [forecast_again(one, priors) for one in taught]
+    reaches = {
+        f"{which}_reach": radii([[j.distance for j in judged(one, which)] for one in again])
+        for which in ("surfacing", "current")
+    }
+    return dataclasses.replace(priors, **reaches)
 
-    kept = {"current": "pool", "way": "ways", "schedule": "schedule"}
-    pools = {name: pooled(name, at, getattr(start, name)) for name, at in kept.items()}
-    reaches = {f"{which}_reach": reach(which) for which in ("surfacing", "current")}
-    return Priors(**pools, **reaches)
 
+def radii(distances: Sequence[Sequence[float]]) -> Pair:
+    """[1] Squared radii of the 50 and 90 % ellipses at the begin of a further deployment.
 
-def judged(one: DeploymentHindcast, which: str) -> list[Judged]:
-    """Scored forecasts of a deployment."""
-    return [getattr(each, which) for each in one.surfacings if each.scored]
+    Quantiles of the squared distances, each of n deployments counting once, at (n + 1) / n of the
+    part: a further deployment is held with that probability if it is exchangeable with these
+    (conformal prediction in two layers: Dunn, Wasserman and Ramdas 2023, J. Am. Stat. Assoc. 118).
+    """
+    known = [run for run in distances if len(run)]
+    every = np.concatenate(known)
+    order = np.argsort(every)
+    share = np.concatenate([np.full(len(run), 1.0 / len(run) / len(known)) for run in known])
+    parts = np.array(PARTS) * (len(known) + 1) / len(known)
+    rank = np.minimum(np.searchsorted(np.cumsum(share[order]), parts), len(every) - 1)
+    half, ninety = every[order][rank].tolist()
+    return float(f"{half:.2g}"), float(f"{ninety:.2g}")
 
 
 @functools.cache
+def dives_of(store: Path, name: str) -> tuple[DiveTime, ...]:
+    """Times of the dives of a deployment."""
+    with LogStore(store) as logs:
+        return dive_times(logs, name).dives
+
+
+def forecast_again(one: DeploymentHindcast, priors: Priors) -> DeploymentHindcast:
+    """Forecast a deployment's surfacings with other priors; its own `Scores` stay the old ones."""
+    dives = dives_of(one.store, one.name)
+    return dataclasses.replace(
+        one, walked=walk(one.legs, dives=dives, train=one.train, priors=priors)
+    )
+
+
+def judged(one: DeploymentHindcast, which: str) -> list[Judged]:
+    """Scored surfacings of a deployment."""
+    return [getattr(each, which) for each in one.surfacings if each.scored]
+
+
 def alone(one: DeploymentHindcast) -> dict[str, float]:
-    """Mean error [m/h] of each single model of the current, over the scored dives."""
+    """Mean error [m/h] of each single model of the current over the scored dives."""
     legs = [each.leg for each in one.legs]
     latitude = float(np.median([each.begin[0] for each in one.legs]))
     pool, missed = CurrentPool(latitude=latitude, time=legs[0].start), []
@@ -168,16 +200,17 @@ def alone(one: DeploymentHindcast) -> dict[str, float]:
 
 
 def label(one: DeploymentHindcast) -> str:
-    """Name, year and month of a deployment, since a vehicle has several."""
+    """Name, year and month of a deployment: one vehicle has several."""
     month = str(np.datetime64(round(one.legs[0].leg.start), "s"))[:7]
     return f"{one.name} {month}"
 
 
 def row(
-    name: str, scores: Scores, ones: Sequence[DeploymentHindcast], which: str
+    name: str, ones: Sequence[DeploymentHindcast], which: str, rival: str | None
 ) -> dict[str, Any]:
-    """Table row of some deployments, by name."""
+    """Row of a table: scores of some deployments together beside a rival."""
     runs = [judged(one, which) for one in ones]
+    scores = scores_of(runs, rival)
     found = {"deployment": name, **scores.describe()}
     found |= {"rival": scores.rival, "ratio": scores.ratio, "interval": scores.ratio_interval}
     tail = 0.5 * (1.0 - CONFIDENCE)
@@ -207,26 +240,26 @@ def row(
 
 
 def table(ones: Sequence[DeploymentHindcast], which: str) -> list[dict[str, Any]]:
-    """Rows for each deployment, for each group, and for all."""
+    """Rows for each deployment, for each group of them, and for all, beside one rival."""
+    rival = scores_of([judged(one, which) for one in ones]).rival
     satellite = [one for one in ones if {leg.method for leg in one.legs} == {REPORTED}]
     groups = {
         "satellite logs": satellite,
         "logs with attitude": [one for one in ones if one not in satellite],
         "all": list(ones),
     }
-    rows = [row(label(one), getattr(one, which), [one], which) for one in ones]
-    for name, members in groups.items():
-        if len(members) > 1:
-            scores = scores_of([judged(one, which) for one in members])
-            rows.append(row(name, scores, members, which))
-    return rows
+    rows = [row(label(one), [one], which, rival) for one in ones]
+    groups = {name: members for name, members in groups.items() if len(members) > 1}
+    return rows + [row(name, members, which, rival) for name, members in groups.items()]
 
 
 def markdown(rows: Sequence[Mapping[str, Any]], which: str) -> str:
-    """Make a page's table in Markdown."""
+    """Table of a page."""
     last = "own track afterwards" if which == "surfacing" else "by the best single model"
-    head = [which, "scored", "forecast", "best rival", "its error", "ratio (95 %)", "in 50 %",
-            "in 90 %", last]  # fmt: skip
+    methods = [name for name in METHODS if any(one["mean_m_per_h"][name] for one in rows)]
+    rival = rows[-1]["rival"].replace("_", " ")
+    head = [which, "scored", *(name.replace("_", " ") for name in methods),
+            f"ratio to {rival} (95 %)", "in 50 %", "in 90 %", last]  # fmt: skip
     lines = []
     for one in rows:
         interval = "({:.2f} to {:.2f})".format(*one["interval"]) if one["interval"] else ""
@@ -234,8 +267,9 @@ def markdown(rows: Sequence[Mapping[str, Any]], which: str) -> str:
         end = "" if own is None else f"{own:.0f}"
         end = f"{one['by_single']:.2f}" if which == "current" else end
         lines.append([
-            one["deployment"], one["segments"], f"{one['mean_m_per_h']['forecast']:.0f}",
-            one["rival"].replace("_", " "), f"{one['mean_m_per_h'][one['rival']]:.0f}",
+            one["deployment"], one["segments"],
+            *("" if (mean := one["mean_m_per_h"][name]) is None else f"{mean:.0f}"
+              for name in methods),
             f"{one['ratio']:.2f} {interval}".strip(), f"{one['coverage_50']:.2f}",
             f"{one['coverage_90']:.2f}", end,
         ])  # fmt: skip
@@ -246,8 +280,8 @@ def markdown(rows: Sequence[Mapping[str, Any]], which: str) -> str:
 
 
 def told(dives: Sequence[DiveTime]) -> list[tuple[int, bool, float, float, float]]:
-    """Score forecasts: surfacings ahead, whether the interval held the time, its width [s], error
-    of its middle [s] and that of the rival [s]."""
+    """Rows of forecasts: number of surfacings ahead, True if the interval held the time, its width
+    [s], error of its middle [s], error of the rival [s]."""
     schedule, rng = SurfacingSchedule(), np.random.default_rng(0)
     found = []
     for k, dive in enumerate(dives):
@@ -259,7 +293,7 @@ def told(dives: Sequence[DiveTime]) -> list[tuple[int, bool, float, float, float
             for ahead in AHEAD:
                 stays = [one.stay for one in dives[k : k + ahead]]
                 if len(stays) < ahead or not np.isfinite(stays).all():
-                    continue  # after the log, or after a gap with a possible surfacing
+                    continue  # beyond the log, or beyond a gap in which it may have surfaced
                 came = dives[k + ahead - 1].end - dives[k - 1].end
                 low, middle, high = np.quantile(ends[:, ahead - 1], [0.05, 0.5, 0.95])
                 off, rival = abs(came - middle), abs(came - ahead * usual)
@@ -288,7 +322,7 @@ def rows_of(name: str, found: Sequence[tuple[int, bool, float, float, float]]) -
 
 
 def times_of(stores: Sequence[Path]) -> list[dict[str, Any]]:
-    """Rows of times for each deployment, and for all."""
+    """Rows of times for each deployment and for all."""
     rows, every = [], []
     for store in stores:
         with LogStore(store) as logs:
@@ -310,7 +344,7 @@ def main(
     times: bool = False,
     json: bool = False,
 ) -> None:
-    """Print the tables, the priors of all deployments, or the times alone."""
+    """Print the tables, the priors learned from all deployments, or the times alone."""
     with tempfile.TemporaryDirectory() as work:
         stores = stores_in(folder, Path(work))
         if times:
@@ -326,14 +360,8 @@ def main(
         second = first
         if not shipped:
             second = tuple(
-                again
+                forecast_again(one, learned([each for each in first if each is not one]))
                 for one in first
-                for again in hindcast(
-                    [one.store],
-                    priors=learned([each for each in first if each is not one]),
-                    waypoints=waypoints,
-                ).deployments
-                if again.name == one.name
             )
         second = tuple(one for one in second if one.surfacing.segments)
     tables = {which: table(second, which) for which in ("surfacing", "current")}
@@ -341,8 +369,13 @@ def main(
         print(dumps(tables))
         return
     for which, rows in tables.items():
-        lost = [f"{one['deployment']} {one['ratio']:.2f}" for one in rows if one["ratio"] > 1.0]
-        worse = f"{which}: worse than the best rival on {', '.join(lost) or 'none of them'}"
+        lost = [
+            one["deployment"]
+            for one in rows
+            if one["segments"] >= SAID and one["interval"] and one["interval"][0] > 1.0
+        ]
+        said = ", ".join(lost) or "none"
+        worse = f"{which}: significantly worse than the rival, of {SAID} fixes and more: {said}"
         print(markdown(rows, which), worse, sep="\n\n", end="\n\n")
 
 

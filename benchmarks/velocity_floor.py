@@ -2,12 +2,12 @@
 
     python -m benchmarks.velocity_floor STORE [--seed 0] [--json]
 
-Flies the missions of a `field` store again by the flight model alone. At every steady sample the
-depth rate is that of a balance of forces, with constants sampled for the mission. Accelerometers
-have sampled errors. `twin.navigation.flight_filter` then estimates the surge with exactly this
-prior, so its model is right. Printed is the error of dead reckoning with the true attitude over the
-steady samples, in % of their path: with the errors of preset `field`, with one of them switched off
-at a time, and for a filter that estimates nothing.
+Missions of a `field` store are simulated again by the flight model. At every steady sample a
+balance of forces gives the depth rate, with constants sampled for the mission. Accelerometers have
+sampled errors. `twin.navigation.flight_filter` then estimates the surge with exactly this prior, so
+its model is right. The program prints the error of dead reckoning with the true attitude over the
+steady samples, in % of their path: with the errors of preset `field`, without one of them at a
+time, and for a filter that estimates nothing.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def flown(
 def error_percent(
     mission: MissionSequence, vehicle: Vehicle, off: Any, spread: FlightSpread
 ) -> float:
-    """[%] Error of dead reckoning at the end over the path, for steady samples only."""
+    """Error of dead reckoning at the end in % of the path, for steady samples only."""
     signals, surge, steady = flown(mission, vehicle, off)
     found = FlightFilter(vehicle, mission.period, spread).run(signals)[:, 0]
     heading = np.deg2rad(mission.signals["true_heading"][steady])
@@ -131,7 +131,7 @@ def error_percent(
 
 
 def _without(name: str) -> FlightSpread:
-    """Prior of the filter that knows one error to be zero; single coefficients keep theirs."""
+    """Prior of a filter that knows that one error is 0; other coefficients keep their prior."""
     known = {
         "accelerometers": ("pitch",), "coefficients": ("coefficient", "drag"),
         "compressibility": ("compressibility",),

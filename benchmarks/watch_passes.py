@@ -4,21 +4,21 @@
     python -m benchmarks.watch_passes --dives --kills 100 --orders 50
     python -m benchmarks.watch_passes --real ../shared/data/slocum_barnacle_2022/raw --orders 20
 
-A Seaglider of the tests makes saw-tooth dives to 950 m, three hours each. All files but the last
-lie in the source, and a first pass reads them. Then the last file arrives, and a pass in its own
-process is timed, with its peak of memory. `replay` makes everything again from the files, and says
-whether log, beliefs and events have the same bytes.
+A simulated Seaglider makes saw-tooth dives to 950 m, three hours each. All files but the last are
+in the source, and a first pass reads them. Then the last file arrives, and a pass in its own
+process is timed, with its peak of memory. `replay` makes all results again from the files, and
+compares the bytes of log, state estimates and events.
 
-`--kills` ends passes over four shallow dives at random moments and lets the next one go on;
-`--orders` lets the files arrive in random orders, with halves, files of wrong content and copies
-that go away before the right ones, and passes in between. Each must end in the bytes that one pass
-over all files makes, with nothing beside them.
+`--kills` kills passes over four shallow dives at random moments, and the next pass continues.
+`--orders` lets the files arrive in random orders, with passes in between; half files, files of
+wrong content and copies that vanish come before the right ones. The result must always have the
+bytes of one pass over all files, and no further files.
 
-`--real` names folders with a Slocum's files, and `--cache` one with their lists of sensors. Their
-files arrive one by one, in order of time, and the passes at the tenth and at the last are timed;
-then, with `--orders`, in random orders, with halves, wrong contents, files that go away again and a
-misspelt list of sensors before the right one. The log is compared with that of `factory import`,
-variable by variable and attribute by attribute.
+`--real` names folders with a Slocum's files, and `--cache` a folder with their lists of sensors.
+The files arrive one by one in order of time; the passes after the tenth and the last file are
+timed. With `--orders` they then arrive in random orders, with the same disturbances and a misspelt
+list of sensors before the right one. The log is compared with that of `factory import`, variable by
+variable and attribute by attribute.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ from twin.records.attributes import HISTORY
 from twin.records.store import write_store
 
 DEPTH = 950.0
-"""[m] of the dives"""
+"""[m] Depth of the dives"""
 HARMED = 4
 """Number of dives where passes are killed or files are shuffled"""
 FORECAST = "page/forecast.geojson"
@@ -137,8 +137,8 @@ def arrive(
     files: list[Path], source: Path, draw: random.Random, counts: Counter[str],
     between: Callable[[int], object],
 ) -> None:  # fmt: skip
-    """Let files come in a random order: some by halves, with wrong content, or under another name
-    that goes away again, first; `between` is told the number that came before each right one."""
+    """Let files arrive in a random order, some after half files, wrong contents or other copies.
+    `between` is called before each right file with the number of files before it."""
     for k, path in enumerate(draw.sample(files, len(files))):
         content, odd = path.read_bytes(), draw.random()
         if odd < ODD:
@@ -193,7 +193,7 @@ def real_passes(folder: Path, cache: Path | None, place: Path) -> dict[str, obje
 
 
 def log_seconds(folder: Path, *, again: bool = False) -> float:
-    """[s] of this process until the log is up to date, or made again."""
+    """CPU time [s] until the log is up to date, or made again."""
     deployment = WatchedDeployment.read(folder)
     begin = time.process_time()
     log_of_files(deployment, folder, again=again)
@@ -244,7 +244,7 @@ def real_orders(
 
 
 def _real(folder: Path, cache: Path | None, place: Path) -> tuple[Path, Path, list[Path]]:
-    """An empty source with lists of sensors, its deployment, and the logs in order of time."""
+    """Make a source with lists of sensors only, its deployment, and the logs in order of time."""
     source, lists = place / "arrived", place / "lists"
     source.mkdir(parents=True)
     lists.mkdir()
@@ -267,7 +267,7 @@ def _by_numbers(path: Path) -> list[tuple[int, str]]:
 
 
 def _stored(path: Path) -> xr.Dataset:
-    """A log less what says when and from which files' digest it was made."""
+    """Read a log without its history and the digest of its files."""
     found = xr.open_zarr(path, decode_times=False).load()
     found.attrs = {k: v for k, v in found.attrs.items() if k not in (HISTORY, DIGEST)}
     return found

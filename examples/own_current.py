@@ -41,7 +41,7 @@ class Front(Current):
     place: float
 
     def records(self, duration_s, origin):
-        """What the kernel reads at `program[start]` and after it."""
+        """Numbers that the kernel reads from `program[start]` on."""
         return [self.record(self.speed, self.width, self.place)]
 
 

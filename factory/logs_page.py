@@ -51,7 +51,7 @@ OURS_COLOUR, THEIRS_COLOUR = style.PALETTE["green"], style.PALETTE["vermillion"]
 AXES = ("north", "east")
 MAP_TITLE = "GPS fixes and dives"
 SHAPE = 1.45
-"""[1] Width over height of the map"""
+"""[1] Width / height of the map"""
 
 
 def page_names(deployments: Iterable[str]) -> dict[str, str]:
@@ -225,7 +225,7 @@ def _draw_depths(axes: Axes, logs: LogStore, missions: list[int]) -> None:
 def _draw_figures(grid: NDArray[Any], logs: LogStore, missions: list[int]) -> None:
     """Draw six small panels over the number of the dive."""
     dive = logs.number("dive")[missions]
-    if len(set(dive)) < len(dive):  # several dives have the same number of the vehicle
+    if len(set(dive)) < len(dive):  # the vehicle's own numbers repeat: count the dives
         dive = np.arange(len(missions), dtype=float)
     columns = dive_figures(logs, missions)
     panels = (

@@ -28,11 +28,11 @@ Block = Mapping[str, NDArray[np.float32]]
 MissionCheck = Callable[[Any, int, Block, Mapping[str, "StoreCheck"]], None]
 """Function of a store, a mission's number, its signals, and the checks that record the results"""
 MISSIONS_AT_ONCE = 16
-"""Least number of missions that are read together; missions of some hours take about 100 MB."""
+"""Least number of missions that are read together; 16 of some hours take about 100 MB."""
 SAMPLES_AT_ONCE = 16 * 7200
-"""Number of samples that are read together, since each request for short missions takes time"""
+"""Least number of samples that are read together; a request for few samples would waste time"""
 WHOLE_SHARD = 4
-"""Most missions of a shard that is read whole, relative to the missions that are read together"""
+"""Largest shard that is read whole, as a multiple of the missions that are read together"""
 MAX_NAMED = 20
 """Most problems of one check that are named; further ones are counted."""
 NUMBER = re.compile(r"(?<=[\s=])-?\d[\d.e+-]*")
@@ -135,7 +135,7 @@ def check_missions(
 
 def _blocks(stored: MissionStore, names: list[str]) -> tuple[int, bool]:
     """Number of missions to read together, and whether to use the fast pipeline. The fast pipeline
-    compares checksums only in shards that it decodes whole, so it serves small shards."""
+    verifies checksums only in shards that are read whole, so it is used for small shards."""
     size = max(MISSIONS_AT_ONCE, SAMPLES_AT_ONCE // max(stored.dataset.sizes[TIME], 1))
     arrays = (stored.dataset.variables[name].encoding for name in names)
     shard = math.lcm(*((e.get("shards") or e.get("chunks") or (1,))[0] for e in arrays))
@@ -232,7 +232,7 @@ STEP_TOLERANCE_M = 0.3
 DRIFT_TOLERANCE_M = 1.0
 """[m] Largest sum of these differences over a mission"""
 VELOCITY_TOLERANCE = 1e-4
-"""[m/s] Largest error of over ground = through the water + current; rounding causes 2e-6"""
+"""[m/s] Largest velocity over ground minus (through the water + current); rounding causes 2e-6"""
 TURN_TOLERANCE = 0.2
 """[rad] Largest sum of a mission's attitude changes minus rates; inflections cause 0.03"""
 
@@ -255,7 +255,7 @@ def kinematic_problems(truth: Mapping[str, Array], period: float) -> list[str]:
     to_ned = euler_to_matrix(*angles.T)
     moved = np.diff(position, axis=0) - period * (velocity[1:] + velocity[:-1]) / 2
     turn = np.einsum("tji,tjk->tik", to_ned[:-1], to_ned[1:])
-    # half the antisymmetric part of a rotation is its axis times the sine of its angle
+    # (R - R') / 2 of a rotation R is, as a vector, its axis times the sine of its angle
     angle = 0.5 * np.stack(
         [turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0],
          turn[:, 1, 0] - turn[:, 0, 1]], axis=-1

@@ -1,4 +1,4 @@
-"""Files: write JSON atomically, with a checksum where a changed byte must be found, and check
+"""Files: write JSON atomically, with a checksum if a changed byte must be found, and check
 output paths before long computations."""
 
 from __future__ import annotations

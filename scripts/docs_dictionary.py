@@ -113,7 +113,7 @@ DRAWN = {
 }
 """Descriptions of the parameter groups, by the prefix of their names"""
 STORED_UNITS = {"rad": "degree", "rad/s": "rad s-1"}
-"""Units of parts in stores, where they differ from the code's"""
+"""Units of parts in stores, if they differ from the code's"""
 COLUMNS = ("variable", "dimensions", "unit", "meaning")
 """Columns of the tables of variables that are no signals"""
 FROM_DRAWS = ("variable", "dimensions", "unit", "meaning", "vehicles")
@@ -315,7 +315,7 @@ def draw_section(vehicles: Mapping[str, Vehicle]) -> str:
 
 
 def _is_word(parameter: Parameter) -> bool:
-    """Whether a parameter is a choice of words, stored as their index."""
+    """True if a parameter is a choice of words, stored as their index."""
     texts = (parameter.paper, parameter.field)
     drawn = [parse_distribution(text, parameter.name) for text in texts]
     options = [option for one in drawn if isinstance(one, Choice) for option in one.options]

@@ -112,7 +112,7 @@ def with_languages(markdown: str) -> str:
 
 
 def _begins(lines: list[str], k: int) -> bool:
-    """Whether line k starts an indented code block, and not a list item's text."""
+    """True if line k starts an indented code block, and not a list item's text."""
     if not lines[k].startswith("    ") or (k and lines[k - 1].strip()):
         return False
     before = next((row for row in reversed(lines[:k]) if row.strip()), "")

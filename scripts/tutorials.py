@@ -145,7 +145,7 @@ class Lesson:
 
 
 def _is_program(words: list[str]) -> bool:
-    """Whether a command is just `python NAME.py`."""
+    """True if a command is just `python NAME.py`."""
     return len(words) == 2 and words[0] == "python" and words[1].endswith(".py")
 
 
@@ -155,14 +155,14 @@ def without_numbers(line: str) -> str:
 
 
 def has_opengl() -> bool:
-    """Whether `twin render` can draw on this machine."""
+    """True if `twin render` can draw on this machine."""
     from twin.show.render.context import available_backend
 
     return available_backend() is not None
 
 
 def has_compiler() -> bool:
-    """Whether `learn export --to c` finds a C compiler."""
+    """True if `learn export --to c` finds a C compiler."""
     return shutil.which(os.environ.get("CC", "cc")) is not None
 
 

@@ -23,7 +23,7 @@ MOST_NAMES, NEAREST = 45, 6
 
 
 def nearest(name: str, names: Iterable[str], *, close: float = CLOSE) -> str | None:
-    """Return the one of `names` that `name` probably means; None where no name is similar."""
+    """Return the one of `names` that `name` probably means; None if no name is similar."""
     known = {_plain(one): one for one in sorted(names, reverse=True)}
     given = _plain(name)
     near = difflib.get_close_matches(given, known, n=1, cutoff=close)
@@ -103,7 +103,7 @@ class WriteError(StoreError):
 
 
 class OddFile(OSError):
-    """A path leads to a pipe, a device or a folder, where a file must be."""
+    """A path leads to a pipe, a device or a folder in place of a file."""
 
 
 class LayoutError(TwinError):

@@ -351,7 +351,7 @@ def _measure(
     bottom_depth: float | None,
     known: Mapping[str, Any],
 ) -> tuple[dict[str, Any], dict[str, float]]:
-    """Measured signals, computed where they are not `known` yet, and the sampled constants."""
+    """Measured signals, computed if they are not `known` yet, and the sampled constants."""
     tree = np.random.SeedSequence(seed)
     drawn = suite.draw(tree)
     program = floor = None

@@ -87,7 +87,7 @@ def solved_system(matrix: Array, right: Array) -> Array | None:
 
 
 def processors() -> int:
-    """Number of processors that this process may use; all where the system cannot limit them."""
+    """Number of processors that this process may use; all if the system cannot limit them."""
     try:
         return len(os.sched_getaffinity(0))
     except AttributeError:  # only Linux has this function

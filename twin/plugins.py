@@ -114,7 +114,7 @@ def installation(source: str) -> str:
 
 
 def entry_point(group: str, name: str) -> importlib.metadata.EntryPoint | None:
-    """Look up one entry point by its name; None where no installed distribution has it."""
+    """Look up one entry point by its name; None if no installed distribution has it."""
     return next(iter(importlib.metadata.entry_points(group=group, name=name)), None)
 
 

@@ -65,7 +65,7 @@ class Registry(Mapping[str, Kind]):
           page: page of docs/, with its anchor, that shows how to write a type of your own.
           shipped: places `package.module:attribute` of the shipped types, by name.
           apart: folders below this project's `plugins/` that bring further types, by type name.
-          name: attribute in which a type holds its name; empty where types hold no name.
+          name: attribute in which a type holds its name; empty if types hold no name.
           words: attributes that must hold a text.
           objects: registered types are objects of `base`, not classes.
           error: class of the error for an incomplete type.
@@ -153,7 +153,7 @@ class Registry(Mapping[str, Kind]):
         return kind
 
     def _flaw(self, name: str, kind: Any) -> str:
-        """Defect of a type as a clause; empty where there is none."""
+        """Defect of a type as a clause; empty if there is none."""
         base = imported(":".join(self.base.rsplit(".", 1)))
         derived = isinstance(kind, type) and issubclass(kind, base)
         if not (isinstance(kind, base) if self._objects else derived):

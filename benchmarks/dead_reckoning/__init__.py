@@ -1,1 +1,1 @@
-"""An open benchmark of dead reckoning without a Doppler log: tiers, a scorer, rivals."""
+"""Dead reckoning without a Doppler log, an open benchmark: tiers, scoring, rivals."""

@@ -5,9 +5,9 @@
         [--seed 0] [--seconds 60] [--full] [--test-seed N] [--make [test]]
         [--keep [RESULTS] --who NAME] [--json]
 
-One seed and at most 60 s of training a method; `--full` takes five seeds. Stores and runs are made
-once in the folder: remove it after a change of the code that trains. `--predictions` scores a file
-alone: neither torch nor a training is needed for it.
+Each method has one seed and at most 60 s of training; `--full` takes five seeds. Stores and runs
+stay in the folder: remove it after a change of the code that trains. `--predictions` scores a file
+only, without torch or training.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from twin.errors import InputError, TwinError
 from twin.records.reader import MissionStore
 
 SEEDS = 5
-"""Of --full"""
+"""Number of seeds with --full"""
 PUBLIC = "public"
 Figures = dict[str, dict[str, float]]
 
 
 def main() -> int:
-    """Command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     add = parser.add_argument
     add("--tier", choices=(*TIERS, PUBLIC), default="family")
@@ -111,7 +111,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _methods(options: argparse.Namespace) -> dict[str, Any]:
-    """Figures by method: those that are chosen, or of a file of predictions."""
+    """Figures by method: of the chosen methods, or of a file of predictions."""
     if options.predictions is not None:
         name = options.name or options.predictions.stem
         if name in RIVALS:
@@ -147,13 +147,13 @@ def _tier(options: argparse.Namespace) -> Tier:
 
 
 def _folder(options: argparse.Namespace) -> Path:
-    """Of the stores; those with another test have one of their own, with its training's."""
+    """Folder of the stores; each seed of the test has its own, with a training store."""
     folder: Path = options.folder / options.tier
     return folder if options.test_seed is None else folder / f"test-{options.test_seed}"
 
 
 def _stores(options: argparse.Namespace, parts: Sequence[str]) -> list[tuple[Path, Path]]:
-    """Stores of training and test; those of `parts` are there afterwards."""
+    """Stores of training and test; the stores of `parts` are made if they are missing."""
     if options.tier == PUBLIC:
         work = options.folder / PUBLIC
         return [one.make(options.logs, work, parts) for one in public_logs.deployments()]
@@ -166,7 +166,7 @@ def _stores(options: argparse.Namespace, parts: Sequence[str]) -> list[tuple[Pat
 def _judged(
     options: argparse.Namespace, parts: Sequence[str], predict: Callable[[Path, Path], Predicted]
 ) -> Figures:
-    """Figures by the dives adapted on, of what `predict` says of a training and a test store."""
+    """Score what `predict` returns for a training and a test store: figures by dives adapted on."""
     stores = _stores(options, parts)
     if options.tier != PUBLIC:
         return score(stores[0][1], TIERS[options.tier].dives, predict(*stores[0]))
@@ -179,7 +179,7 @@ def _judged(
 
 
 def _read(options: argparse.Namespace, test: Path) -> Predicted:
-    """Predictions of a test store, as a file has them."""
+    """Read the predictions for a test store from a file."""
     path: Path = options.predictions
     with MissionStore(test) as reader:
         period = reader.period
@@ -195,7 +195,7 @@ def _read(options: argparse.Namespace, test: Path) -> Predicted:
 
 
 def _mean(each: list[Figures]) -> Figures:
-    """Means over the seeds, with the lowest and the highest figure; the interval spans theirs."""
+    """Mean, lowest and highest figure of the seeds; the interval holds all their intervals."""
     found = {}
     for key in each[0]:
         rows = [one[key] for one in each]

@@ -1,10 +1,10 @@
-"""Flight rivals: flight models that are fitted to the depth rate, as glider groups fit them.
+"""Flight rivals: flight models fitted to the depth rate, as glider groups fit them.
 
-`gliderflight`: the steady balance of forces with two parameters, volume and drag, fitted to the
-depth rate (Merckelbach et al. 2010 and 2019); on simulated missions to that of the first dives,
-with the other coefficients of the vehicle's file, on logs (`gliderflight by all dives`) to all
-dives of a deployment, with published ones. `identified twin`: what `twin identify` finds in a
-deployment's depth rate and fixes; it needs logs. Neither sees a velocity.
+`gliderflight`: the steady balance of forces with volume and drag fitted to the depth rate
+(Merckelbach et al. 2010 and 2019). On simulated missions the fit uses the first dives, and other
+coefficients of the vehicle's file. On logs (`gliderflight by all dives`) it uses all dives of a
+deployment, and published coefficients. `identified twin`: the vehicle that `twin identify` fits to
+depth rate and fixes of a deployment's log. No model is fitted to a velocity.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from twin.records.reader import MissionStore
 from twin.vehicle.vehicle import Vehicle
 
 SMOOTHED_S = 10.0
-"""[s] that the depth rate is averaged over"""
+"""[s] Averaging time of the depth rate"""
 CHANNELS = (
     "measured_depth", "measured_pitch", "measured_pump", "measured_density",
     "measured_gps_north", "measured_gps_east",
@@ -46,7 +46,7 @@ class SimulatedDives(NamedTuple):
 
 
 def gliderflight(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
-    """Surge by the balance of forces; sway is none."""
+    """Predict surge by the balance of forces; sway is 0."""
     with MissionStore(test) as reader:
         if reader.logged:
             raise InputError("on logs it is the rival `gliderflight by all dives`")
@@ -82,12 +82,12 @@ def gliderflight(train: Path, test: Path, seed: int, seconds: float) -> Predicte
 
 
 def gliderflight_of_all(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
-    """The same of logs, with published coefficients, fitted to all dives."""
+    """Predict surge in logs by a balance with published coefficients, fitted to all dives."""
     return _logged(test, lambda fitted, log: _balance_surge(fitted.steady, fitted, log))
 
 
 def balance_of(vehicle: Vehicle) -> SteadyModel:
-    """The balance with the coefficients of a vehicle's file, before anything is fitted."""
+    """Balance of forces with the coefficients of a vehicle's file, not fitted."""
     law, per = vehicle.flow_frame, 0.5 * vehicle.reference_density * AREA
     return SteadyModel(
         mass=vehicle.mass, volume=vehicle.neutral_volume, drag=law.drag[0] / per,
@@ -96,7 +96,7 @@ def balance_of(vehicle: Vehicle) -> SteadyModel:
 
 
 def identified(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
-    """Surge and sway of the twin that is identified on the test dives' depth rate and fixes."""
+    """Predict surge and sway by the twin identified from the test dives' depth rate and fixes."""
 
     def motion(fitted: Fitted, log: Log) -> tuple[Array, Array]:
         found = motion_of(log, fitted.calibration)
@@ -112,7 +112,7 @@ def _balance_surge(model: SteadyModel, fitted: Fitted, log: Log) -> tuple[Array,
 
 
 def _logged(test: Path, velocities: Callable[[Fitted, Log], tuple[Array, Array]]) -> Predicted:
-    """Of every dive, by models that are fitted to all."""
+    """Predict every dive by models that are fitted to all dives."""
     with MissionStore(test) as reader:
         if not reader.logged:
             raise InputError("what is fitted to all dives needs logs: a rival of tier public alone")

@@ -1,11 +1,11 @@
-"""Predictions: surge and sway of test missions as methods say them, read and checked.
+"""Predictions: surge and sway of test missions by a method, read from a file and checked.
 
-    netCDF   surge, sway (mission, time) [m/s], or (dives, mission, time) with a coordinate `dives`
-             of those that it adapted on; NaN behind a mission's end; surge_interval likewise, where
-             a method says within how much of surge 68 % of its errors are
+    netCDF   surge, sway (mission, time) [m/s], or (dives, mission, time), where the coordinate
+             `dives` is the number of dives that the method adapted on; NaN after a mission's end.
+             surge_interval [m/s], optional: half width that holds 68 % of the errors of surge
     CSV      mission, time_s, surge, sway [, surge_interval] [, dives], a line for every sample
 
-A mission is its row in the test store, from 0. It needs no torch.
+`mission` is the row in the test store, from 0. The module does not need torch.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ VELOCITIES = ("surge", "sway")
 INTERVAL = "surge_interval"
 AXES = ("mission", "time")
 ALL_DIVES = "all dives"
-"""What a method adapts on that has seen the depths and fixes of the scored dives too"""
+"""Label of a method that is also fitted to the depths and fixes of the scored dives"""
 LABELS = ("none", "dvl", ALL_DIVES)
 SAME_STEP = 1e-3
-"""Part of the store's time between samples by which that of a table may differ"""
+"""[1] Largest relative difference of a table's time between samples from the store's"""
 
 
 class Rival(NamedTuple):
-    """A method."""
+    """Method that is compared."""
 
     predict: Callable[..., Predicted]
     labels: str = "none"
-    """what it adapts on beside the glider's own sensors, of LABELS"""
+    """Data that the method adapts on besides the glider's own sensors, one of LABELS"""
     trained: bool = False
-    """whether it reads the training store, and depends on the seed"""
+    """True if the method reads the training store and depends on the seed"""
 
 
 def table(rows: Mapping[int, Mapping[str, Any]]) -> xr.Dataset:
-    """Surge, sway and its interval, if any, by mission; shorter missions end in NaN."""
+    """Data set of surge, sway and any interval, by mission; shorter missions end in NaN."""
     longest = max(len(row["surge"]) for row in rows.values())
     names = [name for name in (*VELOCITIES, INTERVAL) if all(name in row for row in rows.values())]
     filled = {
@@ -56,14 +56,14 @@ def table(rows: Mapping[int, Mapping[str, Any]]) -> xr.Dataset:
 
 
 def read_predictions(path: Path, period: float) -> Predicted:
-    """Predictions of a file by the dives that the method adapted on; 0 is always there.
+    """Read predictions from a file, by the number of dives adapted on; 0 is always there.
 
     Args:
       path: .nc or .csv.
       period: [s] between samples of the test store.
 
     Raises:
-      InputError: it cannot be read, a variable or a column is missing, or its times are others.
+      InputError: an unreadable file, a missing variable or column, or other times than the store's.
     """
     if path.suffix not in (".nc", ".csv") or not path.is_file():
         why = "there is no such file" if path.suffix in (".nc", ".csv") else "give .nc or .csv"
@@ -99,7 +99,7 @@ def _table(path: Path, period: float) -> xr.Dataset:
 
 
 def _check_times(times: NDArray[Any], period: float, place: object) -> None:
-    """Seconds from 0 on, one every `period`; a netCDF may count samples instead."""
+    """Require times from 0 in steps of `period` [s]; a netCDF may count samples instead."""
     if not np.issubdtype(times.dtype, np.number):
         raise InputError(f"{place}: time is no seconds since the mission's first sample")
     counted = np.arange(times.size)
@@ -114,10 +114,10 @@ def _check_times(times: NDArray[Any], period: float, place: object) -> None:
 
 
 def checked(said: object, source: str) -> Predicted:
-    """Predictions that a method gives back, or a file holds, if they are such.
+    """Check predictions that a method returned or a file holds, and return them.
 
     Raises:
-      InputError: they are something else; `source` is named.
+      InputError: `said` is something else; the message names `source`.
     """
     wanted = "{0: Dataset with surge and sway over mission and time}, by dives adapted on"
     keyed = isinstance(said, Mapping) and not isinstance(said, xr.Dataset)
@@ -147,16 +147,16 @@ def checked(said: object, source: str) -> Predicted:
 def velocities_of(
     said: xr.Dataset, mission: int, samples: int, needed: NDArray[np.bool_] | None = None
 ) -> tuple[Array, Array]:
-    """Predicted surge and sway of a mission, as many as it has samples.
+    """Predicted surge and sway at each sample of a mission.
 
     Args:
       said: predictions.
       mission: row of the test store.
-      samples: of the mission.
-      needed: samples that must be finite, (samples,); all without it.
+      samples: number of samples of the mission.
+      needed: samples that must be finite, (samples,); default all.
 
     Raises:
-      InputError: the mission is lacking, of another length, or not finite where it must be.
+      InputError: the mission is missing, has another length, or is not finite where needed.
     """
     known = said.mission.values
     if mission not in known:

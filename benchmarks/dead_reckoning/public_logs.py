@@ -1,17 +1,17 @@
-"""Tier `public`: real dives whose velocity through the water somebody measured and published.
+"""Public logs: the tier `public`, real dives with a published measurement of the velocity.
 
-    python -m benchmarks.dead_reckoning.public_logs > files.curl       # what is to be fetched
+    python -m benchmarks.dead_reckoning.public_logs > files.curl       # addresses of the files
     curl --create-dirs --output-dir LOGS -K files.curl
     python -m benchmarks.dead_reckoning --tier public --logs LOGS
 
-The files, whose they are and their checksums stand in `public_logs.toml`; none is shipped. A method
-may train on anything but these two deployments; those here train on the family of the same vehicle.
+`public_logs.toml` lists the files, their owners and checksums; none is shipped. A method may train
+on anything but these two deployments; the methods here train on the family of the same vehicle.
 
-Scored is the horizontal speed through the water along the heading: what a method's surge and sway
-make of it with the depth rate and the attitude as logged, the pitch as the log's owner corrects it.
-A Doppler log's speed is freed of its vertical part by the depth rate. Figures are means over the
-dives of a deployment: `dr_velocity_percent` is the sum of a dive's errors over its path where there
-is truth, `surge_mse` the squared error of means over a minute; deployments weigh the same.
+The horizontal speed through the water along the heading is scored. It is computed from a method's
+surge and sway, the depth rate and the logged attitude, with the pitch corrected by the log's owner.
+The depth rate removes the vertical component of a Doppler log's speed. Figures are means over the
+dives of a deployment: `dr_velocity_percent` is the sum of a dive's errors in % of its path, where
+it has truth; `surge_mse` is the squared error of one-minute means. Deployments weigh the same.
 """
 
 from __future__ import annotations
@@ -40,39 +40,39 @@ from twin.records.logged import LogStore
 
 FILE = Path(__file__).with_name("public_logs.toml")
 PERIOD = 5.0
-"""[s] between samples of the imported dives"""
+"""[s] Time between samples of the imported dives"""
 HOURS = 100.0
-"""[h] of preset `family` of the vehicle, to train on"""
+"""[h] Simulated missions of the vehicle to train on, preset `family`"""
 SEED = 9031
 MINUTE = 60.0
 LEAST_S = 120.0
-"""[s] of truth that a dive is scored from"""
+"""[s] Least duration of truth in a dive that is scored"""
 ATTITUDE = ("measured_roll", "measured_pitch", "measured_heading", "measured_depth")
 TRUTH = ("true_surge", "true_sway", "true_heave")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Deployment:
-    """Logs of one vehicle, of files that the user fetched."""
+    """Deployment of one vehicle, in files that the user fetched."""
 
     name: str
     kind: str
-    """as `factory import` calls it"""
+    """Type of the log, as `factory import` names it"""
     vehicle: str
-    """shipped, of the same kind"""
+    """Shipped vehicle of the same type"""
     truth: str
-    """a file of times and speeds, or `store`: the import knows it"""
+    """File of times and speeds; or `store` if the imported store has the speeds"""
     pitch: tuple[float, float]
-    """scale, and offset [rad], that make the true pitch of the logged one"""
+    """Scale [1] and offset [rad] from the logged pitch to the true pitch"""
     about: str
     licence: str
     address: str
-    """of the folder"""
+    """Address of the folder of the files"""
     files: Mapping[str, str]
-    """SHA-256 by the name below `address`"""
+    """SHA-256 of each file, by its name below `address`"""
 
     def check(self, logs: Path) -> Path:
-        """The folder of these files.
+        """Check the files of the deployment, and return their folder.
 
         Raises:
           InputError: a file is missing, or is not the published one.
@@ -96,8 +96,8 @@ class Deployment:
     def make(
         self, logs: Path, work: Path, parts: Sequence[str] = ("train", "test")
     ) -> tuple[Path, Path]:
-        """Stores of training and test; those of `parts` are made where they are missing. Errors as
-        of `check`."""
+        """Stores of training and test; the stores of `parts` are made if they are missing. Errors
+        are those of `check`."""
         import factory
         from factory.importing import import_logs
         from twin.records.store import write_store
@@ -136,22 +136,22 @@ class Deployment:
 
 @dataclasses.dataclass(frozen=True)
 class LoggedDive:
-    """What a dive logged of how it went."""
+    """Signals of one logged dive."""
 
     index: int
     time: Array
-    """[s] unix"""
+    """[s] Unix time of each sample"""
     signals: Mapping[str, Array]
     pitch: tuple[float, float]
-    """as of the deployment"""
+    """Scale and offset of the deployment"""
 
     @functools.cached_property
     def rate(self) -> Array:
-        """[m/s] of the depth."""
+        """[m/s] Depth rate."""
         return depth_rate(self.signals["measured_depth"], PERIOD)
 
     def level(self, surge: Array, sway: Array, heave: Array | None = None) -> Array:
-        """Horizontal speed [m/s] along the heading; heave is by the depth rate if not given."""
+        """Horizontal speed [m/s] along the heading; without `heave`, the depth rate gives it."""
         roll, pitch = (np.deg2rad(self.signals[f"measured_{n}"]) for n in ("roll", "pitch"))
         pitch = self.pitch[0] * pitch + self.pitch[1]
         if heave is None:
@@ -161,13 +161,13 @@ class LoggedDive:
 
 @functools.cache
 def deployments() -> tuple[Deployment, ...]:
-    """Those of `public_logs.toml`."""
+    """Read the deployments of `public_logs.toml`."""
     found = tomllib.loads(FILE.read_text(encoding="utf-8"))["deployment"]
     return tuple(Deployment(**one) for one in found)
 
 
 def dives_of(deployment: Deployment, test: Path) -> list[LoggedDive]:
-    """The dives of a deployment's imported store."""
+    """Read the dives of a deployment's imported store."""
     found = []
     with LogStore(test) as store:
         for index in range(len(store)):
@@ -181,8 +181,8 @@ def dives_of(deployment: Deployment, test: Path) -> list[LoggedDive]:
 def dive_errors(
     deployment: Deployment, logs: Path, test: Path, said: xr.Dataset
 ) -> tuple[Array, Array]:
-    """Of each dive that is scored: the sum of the errors over its path in %, and the mean squared
-    error of means over a minute [(m/s)^2].
+    """Errors of each scored dive: sum of the errors in % of the path, and mean squared error of
+    one-minute means [(m/s)^2].
 
     Raises:
       InputError: the predictions lack a dive, or are not finite where there is truth.
@@ -207,8 +207,8 @@ def dive_errors(
 
 
 def figures(found: Mapping[str, tuple[Array, Array]]) -> dict[str, dict[str, float]]:
-    """Figures of each deployment's `dive_errors`; deployments weigh the same, and their draws are
-    independent."""
+    """Figures of each deployment's `dive_errors`, and means of the deployments, whose bootstrap
+    samples are independent."""
     means = np.mean([drawn(p, seed) for seed, (p, _) in enumerate(found.values())], axis=0)
     low, high = np.percentile(means, (2.5, 97.5))
     one = {
@@ -224,7 +224,7 @@ def figures(found: Mapping[str, tuple[Array, Array]]) -> dict[str, dict[str, flo
 
 
 def main() -> int:
-    """What is to be fetched, as curl reads it."""
+    """Print the addresses of the files as a configuration of curl."""
     lines = []
     for one in deployments():
         lines.append(f"# {one.name}: {one.about}\n# {one.licence}")

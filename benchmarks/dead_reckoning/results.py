@@ -1,4 +1,4 @@
-"""Results: files of figures, one a method, and the page that is made of them.
+"""Results: one file of figures for each method, and the page with their tables.
 
 python -m benchmarks.dead_reckoning --tier family --methods ema --keep --who "the authors"
 python -m benchmarks.dead_reckoning.results              # writes the tables into the page
@@ -23,25 +23,25 @@ PAGE = Path(__file__).parents[2] / "docs" / "results" / "dead_reckoning.md"
 TIERS = ("paper", "field", "family", "public")
 PERCENT = "dead reckoning, %"
 DEPLOYMENTS = ("sg171", "comet")
-"""Of tier public, each with a figure of its own"""
+"""Deployments of tier public, each with its own figures"""
 CODE = ("benchmarks/dead_reckoning", "benchmarks/real_logs", "factory", "learn", "twin", "assets")
-"""What figures depend on"""
+"""Folders of code that figures depend on"""
 MARK = "<!-- results: {} -->"
-"""Before a tier's table on the page"""
+"""Mark before a tier's table on the page"""
 
 
 def keep(
     folder: Path, method: str, tier: str, found: Mapping[str, Any], *, who: str, how: str, code: str
 ) -> Path:
-    """Write a method's figures of a tier into its file; those of other tiers stay.
+    """Write a method's figures of a tier into its file; figures of other tiers stay.
 
     Args:
-      who: whose method it is.
+      who: owner of the method.
       how: the command.
       code: `commit` of the code that made them.
 
     Raises:
-      InputError: the file is another one's.
+      InputError: the file has another owner.
     """
     path = folder / (re.sub(r"[^a-z0-9]+", "_", method.lower()) + ".json")
     kept = read(path) if path.exists() else {"method": method, "who": who, "tiers": {}}
@@ -56,7 +56,7 @@ def keep(
 
 
 def commit() -> str:
-    """Of the code, with + where it is changed; empty outside of git."""
+    """Commit of the code, with + if the code is changed; empty outside of git."""
     root = Path(__file__).parents[2]
 
     def git(*words: str) -> str:
@@ -70,10 +70,10 @@ def commit() -> str:
 
 
 def read(path: Path) -> dict[str, Any]:
-    """A file of results.
+    """Read a file of results.
 
     Raises:
-      InputError: it is none.
+      InputError: `path` is no file of results.
     """
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
@@ -92,7 +92,7 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def rows(methods: Mapping[str, Any]) -> list[dict[str, str]]:
-    """Rows of a table, a method once without adapting and once for each number of dives."""
+    """Rows of a table: each method without adaptation, and by number of dives adapted on."""
     return [
         {
             "method": name, "labels": found["labels"], "dives": dives,
@@ -111,8 +111,8 @@ def rows(methods: Mapping[str, Any]) -> list[dict[str, str]]:
 
 
 def tables(folder: Path = FOLDER) -> dict[str, str]:
-    """The table of each tier that some method has figures of, in Markdown: best first, and those
-    that have seen the scored dives last."""
+    """Tables in Markdown of the tiers that have figures: the best method is first; methods that
+    have seen the scored dives are last."""
     kept = [read(path) for path in sorted(folder.glob("*.json"))]
     found = {}
     for tier in TIERS:
@@ -137,7 +137,7 @@ def tables(folder: Path = FOLDER) -> dict[str, str]:
 
 
 def page(text: str, folder: Path = FOLDER) -> str:
-    """The page with its tables made anew."""
+    """Return the page with new tables."""
     for tier, table in tables(folder).items():
         head, found, rest = text.partition(MARK.format(tier))
         if not found:

@@ -1,13 +1,13 @@
 """Rivals: methods that predict surge and sway of the test missions.
 
-A method of one's own is a file with
+Your own method is a file with
 
-    LABELS = "none"        # what it adapts on in a test mission's first dives: `predictions.LABELS`
-    TRAINED = True         # False: it reads no training store, and there need be none
+    LABELS = "none"        # data to adapt on in a test mission's first dives: `predictions.LABELS`
+    TRAINED = True         # False: the method reads no training store, and none is made
     def predict(train, test, seed, seconds):
-        "Path of the training and of the test store -> predictions by dives adapted on."
+        "Paths of the training and of the test store -> predictions by dives adapted on."
 
-which gives back {0: Dataset, ...} as `benchmarks.dead_reckoning.scoring` describes it.
+that returns {0: Dataset, ...}, see `benchmarks.dead_reckoning.predictions`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from twin.errors import InputError, StoreError, unknown_name
 
 
 def baseline(name: str) -> Rival:
-    """A method that learns nothing, of `twin.seams.VELOCITY_ESTIMATORS`."""
+    """Rival that learns nothing: an estimator of `twin.seams.VELOCITY_ESTIMATORS`."""
 
     def predict(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
         from learn.data.dataset import Selection
@@ -58,21 +58,21 @@ def baseline(name: str) -> Rival:
 
 
 def made_once(folder: Path, stores: Any, **settings: Any) -> Any:
-    """A run of `learn fit` on stores, made where it is missing."""
+    """Open a run of `learn fit` on stores; train if the run is missing."""
     from learn.api import fit
     from learn.run import open_run
 
-    with contextlib.suppress(InputError, StoreError):  # it is not there, or not finished
+    with contextlib.suppress(InputError, StoreError):  # the run is missing or not finished
         return open_run(folder)
     print(f"{folder} ...", file=sys.stderr)
     return fit(stores, folder=folder, resume=True, members=1, workers=2, **settings)
 
 
 def trained(train: Path, seed: int, seconds: float, network: str, test: Path | None = None) -> Any:
-    """A run of `learn fit`, made once beside the training store for all methods with it.
+    """Open the run of `learn fit` beside the training store; methods share the run.
 
     Args:
-      test: of logs: inputs and time between samples are those that these have.
+      test: store of logs that gives the inputs and the time between samples.
     """
     from twin.records.reader import MissionStore
 
@@ -85,7 +85,7 @@ def trained(train: Path, seed: int, seconds: float, network: str, test: Path | N
 
 
 def flight(name: str, labels: str = "none") -> Rival:
-    """A model of `benchmarks.dead_reckoning.flight_rivals`."""
+    """Rival that is a model of `benchmarks.dead_reckoning.flight_rivals`."""
 
     def predict(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
         from benchmarks.dead_reckoning import flight_rivals
@@ -97,7 +97,7 @@ def flight(name: str, labels: str = "none") -> Rival:
 
 
 def network(kind: str) -> Rival:
-    """Networks of `learn fit`."""
+    """Rival that is networks of `learn fit`."""
 
     def predict(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
         run = trained(train, seed, seconds, kind, test)
@@ -107,7 +107,7 @@ def network(kind: str) -> Rival:
 
 
 def adapted(kind: str, labels: str, whole: bool = False) -> Rival:
-    """Networks of `learn fit`, adapted to each test mission: see `adapt_each`."""
+    """Rival that is networks of `learn fit`, adapted to each test mission by `adapt_each`."""
 
     def predict(train: Path, test: Path, seed: int, seconds: float) -> Predicted:
         from twin.records.reader import MissionStore
@@ -124,13 +124,13 @@ def adapted(kind: str, labels: str, whole: bool = False) -> Rival:
 
 
 def adapt_each(run: Any, test: Path, labels: str, whole: bool = False) -> Predicted:
-    """A run, as `learn adapt` fits it to a test mission's first dives.
+    """Predict by a run that `learn adapt` fits to each test mission's first dives.
 
-    A mission whose dives do not suffice is left as it is.
+    If a mission has too few dives, the run is not adapted.
 
     Args:
-      labels: `dvl`: its Doppler log in water lock too.
-      whole: by all of the mission, later dives too: what nobody has under way.
+      labels: `dvl` also uses the Doppler log in water lock.
+      whole: fit to all dives of the mission, later ones too, which no vehicle has under way.
     """
     from learn.adaptation import FIXES, LOG_CHANNELS, dive_spans
     from learn.data.dataset import Selection
@@ -190,12 +190,12 @@ RIVALS: Mapping[str, Rival] = {
     "ema adapted by DVL": adapted("ema", "dvl"),
     "ema by all dives": adapted("ema", "none", whole=True),
 }
-"""`elman` is the paper's; `gru` and `tcn` are what later work takes; `ema` is the default here.
-Those of ALL_DIVES are no methods under way: their hull is fitted to the scored dives too."""
+"""Rivals by name. `elman` is the paper's network; later work has `gru` and `tcn`; `ema` is the
+default here. Rivals with ALL_DIVES cannot work under way: their fit needs the scored dives too."""
 
 
 def chosen(names: str, own: Path | None) -> dict[str, Rival]:
-    """The methods of a list of names, and one of a file; all of RIVALS without either.
+    """Rivals of a list of names and of a file; without either, all of RIVALS.
 
     Raises:
       InputError: no such method, or a file without `predict`.
@@ -211,7 +211,7 @@ def chosen(names: str, own: Path | None) -> dict[str, Rival]:
 
 
 def _own(file: Path) -> Rival:
-    """The method of a file."""
+    """Load the rival of a file."""
     if file.stem in RIVALS:
         raise InputError(f"--method {file}: {file.stem} is the name of a rival; rename the file")
     if file.suffix != ".py" or not file.is_file():

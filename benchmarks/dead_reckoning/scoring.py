@@ -1,10 +1,10 @@
-"""Scoring: predicted surge and sway of test missions beside the truth. It needs no torch.
+"""Scoring: predicted surge and sway of test missions compared with the truth; without torch.
 
-Scored are `dr_velocity_percent`, the error of the track through the water at the end over the path,
-with the true attitude so that surge and sway alone count, and `surge_mse`; from where the dives
-that a method may adapt on have ended. The interval is a bootstrap over missions. `worse` are the
-missions that are more than 5 % worse than without adaptation; `within` is the share of a mission's
-samples whose surge is as near to the truth as a method says of 68 %.
+`dr_velocity_percent` is the error at the end of the track through the water in % of the path; the
+attitude is the true one, so that only surge and sway count. `surge_mse` is the mean squared error.
+Scores begin after the dives that a method may adapt on. The interval is a bootstrap over missions.
+`worse` counts missions that adaptation makes more than 5 % worse. `within` is the fraction of
+samples whose error of surge is within the interval in which a method expects 68 %.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ CHANNELS = (
 )  # fmt: skip
 DRAWS = 2000
 WORSE = 1.05
-"""times the error without adaptation"""
+"""[1] Least error of a worse mission, as a multiple of its error without adaptation"""
 
 
 def score(store: Path, dives: int, said: Mapping[int, xr.Dataset]) -> dict[str, dict[str, float]]:
-    """Figures by the dives that a method adapted on, of which none is scored.
+    """Figures by the number of dives that a method adapted on; these dives are not scored.
 
     Args:
-      dives: that a mission begins with before it is scored; more are not adapted on.
-      said: predictions by those dives, as `predictions` has them.
+      dives: dives at a mission's start that are not scored; no method adapts on more.
+      said: predictions by the number of dives adapted on, see `predictions`.
 
     Raises:
-      InputError: they are of other missions or samples, or not finite.
+      InputError: predictions have other missions or samples, or are not finite.
     """
     percent, squared, within = mission_errors(store, dives, said)
     found = {}
@@ -61,23 +61,23 @@ def score(store: Path, dives: int, said: Mapping[int, xr.Dataset]) -> dict[str, 
         }  # fmt: skip
         if adapted in within:
             found[str(adapted)]["within"] = float(np.mean(within[adapted]))
-    # what did not adapt says the same after any dives
+    # a method that does not adapt predicts the same after any number of dives
     return {str(d): found.get(str(d), found["0"]) for d in DIVES if d <= dives}
 
 
 def interval(each: Array, over: Array | None = None) -> tuple[float, float]:
-    """95 % of a bootstrap over missions: of the mean, or of its ratio to that of another method.
+    """95 % interval by a bootstrap over missions of a mean, or of the ratio of two methods' means.
 
     Args:
       each: figure of each mission.
-      over: of the other method, of the same missions.
+      over: figure of each mission by the other method, in the denominator.
     """
     low, high = np.percentile(drawn(each) / (1.0 if over is None else drawn(over)), (2.5, 97.5))
     return float(low), float(high)
 
 
 def drawn(each: Array, seed: int = 0) -> Array:
-    """Means over missions, (DRAWS,), of a bootstrap: of as many missions always the same ones."""
+    """Bootstrap samples of the mean over missions, (DRAWS,); equal numbers give equal choices."""
     places = np.random.default_rng(seed).integers(0, each.size, (DRAWS, each.size))
     return np.asarray(each[places].mean(1))
 
@@ -85,9 +85,9 @@ def drawn(each: Array, seed: int = 0) -> Array:
 def mission_errors(
     store: Path, dives: int, said: Mapping[int, xr.Dataset]
 ) -> tuple[dict[int, Array], dict[int, list[tuple[float, int]]], dict[int, list[float]]]:
-    """By the dives that a method adapted on, of each mission that has more than `dives`: the error
-    at its end in %, the squared errors of surge with their number, and the share within what the
-    method says of 68 %, if it does; arguments and errors as of `score`."""
+    """Errors of each mission with more than `dives` dives, by the number of dives adapted on: error
+    at the end in %; sum of the squared errors of surge and their number; fraction within the
+    method's 68 % interval, if any. Arguments and errors are those of `score`."""
     percent: dict[int, list[float]] = {d: [] for d in DIVES if d in said and d <= dives}
     squared: dict[int, list[tuple[float, int]]] = {d: [] for d in percent}
     within: dict[int, list[float]] = {d: [] for d in percent if INTERVAL in said[d]}
@@ -97,7 +97,7 @@ def mission_errors(
             signals = {n: np.asarray(reader.row(n, mission), np.float64)[:samples] for n in names}
             ends = [0, *(dive.end for dive in find_dives(signals, reader.period))]
             if dives and len(ends) < dives + 2:
-                continue  # it has no more than these
+                continue  # the mission has no more dives
             begin = ends[dives]
             for adapted in percent:
                 surge, sway = velocities_of(said[adapted], mission, samples)
@@ -113,7 +113,7 @@ def mission_errors(
 def _percent(
     signals: Mapping[str, Array], period: float, surge: Array, sway: Array, begin: int
 ) -> float:
-    """Error at the end of the scored part over its path, %."""
+    """Error at the end of the scored samples, in % of their path."""
     attitude = AttitudeSeries.of(signals, "true")
     rate = depth_rate(signals["measured_depth"], period)
     track = integrate(horizontal_velocity(surge, sway, rate, attitude), period)

@@ -1,7 +1,7 @@
-"""Tiers: what everybody trains on and is tested on, made by anybody from a recipe.
+"""Tiers: training and test stores of the benchmark, which anybody makes from a recipe.
 
-`paper`: ideal sensors, the vehicle as in its file. `field`: sensor errors, currents, a vehicle that
-is 10 % off. `family`: trained on hulls far from their file, tested on one with 40 % more drag over
+`paper`: ideal sensors, the vehicle as in its file. `field`: sensor errors, currents, coefficients
+that are 10 % off. `family`: training with hulls far from their file, test with 40 % more drag, in
 missions of several dives, so that a method may adapt.
 """
 
@@ -23,25 +23,25 @@ HEAVY = {
     "mission.max_depth_m": "uniform(60, 200)",
 }  # fmt: skip
 DIVES = (0, 1, 5)
-"""Dives at the start of a test mission that a method may adapt on; scored is what follows the last
-of them, on equal samples"""
+"""Numbers of dives at the start of a test mission that a method may adapt on; all are scored on the
+samples after the largest number"""
 
 
 SAME = 1e-6
-"""Part of the metres by which two machines may differ: processors round differently"""
+"""[1] Largest relative difference of `Checksum.metres` between machines, which round differently"""
 
 
 class Checksum(NamedTuple):
-    """By what a store is known for the published one."""
+    """Numbers that identify a store as the published one."""
 
     missions: int
     samples: int
     metres: float
-    """through the water, of all missions along their hulls"""
+    """[m] Sum over all missions of the path through the water along the hull"""
 
     @classmethod
     def of(cls, store: Path) -> Checksum:
-        """That of a store."""
+        """Compute the checksum of a store."""
         with MissionStore(store) as reader:
             counts = reader.samples.tolist()
             ways = [
@@ -51,23 +51,23 @@ class Checksum(NamedTuple):
             return cls(len(counts), sum(counts), round(sum(ways) * reader.period, 3))
 
     def same(self, other: Checksum) -> bool:
-        """Whether the other store is this one."""
+        """True if both checksums are of the same store."""
         return self[:2] == other[:2] and abs(self.metres - other.metres) < SAME * self.metres
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Tier:
-    """Two recipes of `factory generate`."""
+    """Tier: recipes of `factory generate` for training and test."""
 
     train: Mapping[str, Any]
     test: Mapping[str, Any]
     dives: int = 0
-    """that a test mission begins with before it is scored"""
+    """Dives at the start of a test mission that are not scored"""
     checksums: Mapping[str, Checksum] = dataclasses.field(default_factory=dict)
-    """of `train` and `test`, with today's physics"""
+    """Checksums of the stores `train` and `test`, with today's physics"""
 
     def make(self, folder: Path, parts: Sequence[str] = ("train", "test")) -> tuple[Path, Path]:
-        """Stores of training and test; those of `parts` are made where they are missing."""
+        """Return the stores of training and test; make those of `parts` that are missing."""
         for name in parts:
             path = folder / f"{name}.zarr"
             if not path.exists():
@@ -76,17 +76,17 @@ class Tier:
         return folder / "train.zarr", folder / "test.zarr"
 
     def of_seed(self, seed: int) -> Tier:
-        """The tier with other test missions, which nobody has seen; they have no checksum.
+        """Return the tier with other test missions, which nobody has seen, without a checksum.
 
         Raises:
-          InputError: its test missions are the same ones with every seed.
+          InputError: the test missions do not depend on the seed.
         """
         if "seed" not in self.test:
             raise InputError("this tier has no other test missions: leave --test-seed out")
         return dataclasses.replace(self, test={**self.test, "seed": seed}, checksums={})
 
     def others(self, folder: Path) -> list[str]:
-        """Which of the stores are not the published ones, and why, a line each."""
+        """List the stores that are not the published ones: a line each, with the reason."""
         return [
             f"{folder / name}.zarr has {found}, the published one {wanted}"
             for name, wanted in self.checksums.items()

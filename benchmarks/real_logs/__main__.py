@@ -1,10 +1,10 @@
-"""Real logs: the twin and the networks beside public methods, on real logs with truth.
+"""Real logs: the twin and the networks compared with public methods, on real logs with truth.
 
     python -m benchmarks.real_logs FOLDER [--json] [--no-networks] [--only SECTION ...]
 
 from the root of the repository. FOLDER holds folders slocum_..., seaglider_..., seaexplorer_...
-with logs (`benchmarks.real_logs.source`); those there are judged. Nothing is tuned on the dives
-that it is scored on, except to depth rate where speed is scored.
+with logs (`benchmarks.real_logs.source`); all that are there are scored. No method is tuned on the
+dives that it is scored on, except on their depth rate if speed is scored.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ def main(
     no_networks: bool = False,
     json: bool = False,
 ) -> None:
-    """Import, identify, train, judge, print.
+    """Import, identify, train, score and print.
 
     Args:
-      workers: processes.
-      keep: file for the rows as JSON, of which the tables of docs/results/real_logs.md are made.
-      only: judge these sections alone; the other rows of --keep stay.
-      seed: of the simulated missions and of the networks.
-      no_networks: leave them out, and the simulation that they are trained on.
+      workers: number of processes.
+      keep: JSON file for the rows, from which the tables of docs/results/real_logs.md are made.
+      only: run these sections only; the other rows of --keep stay.
+      seed: seed of the simulated missions and of the networks.
+      no_networks: leave out the networks and the simulation that they are trained on.
     """
     for name in only:
         if name not in run.SECTIONS:

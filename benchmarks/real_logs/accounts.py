@@ -1,5 +1,5 @@
-"""Accounts of an import: what was read, whether it is sound, and its times and fixes against the
-raw files, which are read here without the importers.
+"""Accounts of imports: counts, checks of the store, and its times and fixes compared with the raw
+files, which are read here without the importers.
 
     python -m benchmarks.real_logs.accounts slocum:FOLDER slocum:FOLDER+CACHES seaglider:FOLDER ...
 """
@@ -30,25 +30,25 @@ from twin.records.store import write_store
 Array = NDArray[np.float64]
 
 SAME_TIME = 1e-3
-"""[s] A fix of the store is one of the file's when their times differ by less."""
+"""[s] Largest time difference between a fix of the store and the same fix of the file"""
 
 
 @dataclasses.dataclass(frozen=True)
 class Raw:
-    """Times and fixes of the files themselves."""
+    """Times and fixes of the raw files."""
 
     times: Array
-    """[s] unix, of every row."""
+    """[s] Unix time of every row"""
     fixes: Array
     """Unix time [s], latitude, longitude [degree], shape (fixes, 3)."""
 
 
 Account = dict[str, Any]
-"""One import: counts, and largest distances from the raw files; `refused` alone where it was"""
+"""Account of one import: counts and largest differences from the raw files; or `refused` only"""
 
 
 def raw_slocum(paths: Sequence[Path], caches: Path) -> Raw:
-    """By dbdreader alone; it refuses compressed files that are cut, which lz4 unpacks here."""
+    """Read Slocum files by dbdreader; lz4 unpacks cut compressed files, which dbdreader refuses."""
     import dbdreader
 
     times, fixes = [np.zeros(0)], [np.zeros((0, 3))]
@@ -61,7 +61,7 @@ def raw_slocum(paths: Sequence[Path], caches: Path) -> Raw:
             plain.write_bytes(whole_blocks(path.read_bytes()))
         try:
             file = dbdreader.DBD(str(plain), cacheDir=str(caches))
-        except Exception:  # what cannot be opened here is refused there, and counted
+        except Exception:  # the import also refuses and counts files that cannot be opened
             continue
         with np.errstate(all="ignore"), contextlib.suppress(dbdreader.DbdError):  # a cut file
             for name in ("m_depth", "m_pressure", "m_water_pressure", "sci_water_pressure"):
@@ -76,7 +76,7 @@ def raw_slocum(paths: Sequence[Path], caches: Path) -> Raw:
 
 
 def whole_blocks(packed: bytes) -> bytes:
-    """What the blocks of a compressed file hold, up to one that is cut."""
+    """Unpack the blocks of a compressed file before the first cut block."""
     import lz4.block
 
     plain, at = bytearray(), 0
@@ -91,7 +91,7 @@ def whole_blocks(packed: bytes) -> bytes:
 
 
 def raw_arrays(paths: Sequence[Path], kind: str) -> Raw:
-    """By netCDF4 alone: Seaglider, OG1, NGDAC, LRAUV."""
+    """Read Seaglider, OG1, NGDAC or LRAUV files by netCDF4."""
     import netCDF4
 
     times, fixes = [np.zeros(0)], [np.zeros((0, 3))]
@@ -143,7 +143,7 @@ def _plain(variable: Any) -> Array:
 
 
 def raw_seaexplorer(paths: Sequence[Path]) -> Raw:
-    """By pandas alone."""
+    """Read SeaExplorer files by pandas."""
     import pandas as pd
 
     times, fixes = [np.zeros(0)], [np.zeros((0, 3))]
@@ -211,7 +211,7 @@ def account(kind: str, folder: Path, caches: Path | None) -> Account:
 
 
 def unix_starts(dataset: Any) -> Array:
-    """[s] of each row."""
+    """[s] Unix time of each row's start."""
     values = dataset["start_time"].values
     if values.dtype.kind == "M":
         values = values.astype("datetime64[ns]").astype(np.int64) / 1e9
@@ -219,7 +219,7 @@ def unix_starts(dataset: Any) -> Array:
 
 
 def times_apart(dataset: Any, raw: Raw) -> float:
-    """[s] Largest distance of the store's original times of depth from the files'."""
+    """[s] Largest difference of the store's original times of depth from the files'."""
     worst = 0.0
     for row, start in enumerate(unix_starts(dataset)):
         count = int(dataset["n_samples"][row])
@@ -231,7 +231,7 @@ def times_apart(dataset: Any, raw: Raw) -> float:
 
 
 def fixes_apart(dataset: Any, raw: Raw) -> tuple[float, int]:
-    """[m] Largest distance of rows' fixes from those of the same time; how many were compared."""
+    """[m] Largest distance of the store's fixes from the files' at equal times; number compared."""
     starts = unix_starts(dataset)
     ends = starts + dataset["dive_duration"].values
     worst, compared = float("nan"), 0
@@ -251,7 +251,7 @@ def fixes_apart(dataset: Any, raw: Raw) -> tuple[float, int]:
 
 
 def table(accounts: Iterable[Account]) -> str:
-    """Rows in Markdown."""
+    """Table of accounts in Markdown."""
     head = (
         "log", "kind", "rows, from fix to fix", "hours", "names read, left out, not read, empty",
         "signals", "files left out", "problems", "times, s", "fixes, m (compared)",

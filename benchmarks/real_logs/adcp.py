@@ -1,9 +1,9 @@
 """ADCP: surge of a Seaglider against its on-board acoustic Doppler current profiler.
 
 Surge is the horizontal velocity through the water along the heading, u_ttw sin(heading) + v_ttw
-cos(heading): of all definitions the one that the published figures are reproduced with. Scored are
-all samples of the profiler's table deeper than 5 m, at their own times. Whatever is tuned, flight
-model, regression, networks and their scales, is tuned without the dive that it is scored on.
+cos(heading): this definition reproduces the published figures. All samples of the profiler's table
+deeper than 5 m are scored, at their own times. Flight model, regression, networks and their scales
+are tuned without the dive that they are scored on.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from twin.navigation.dead_reckoning import Array
 TASK = "surge against ADCP"
 COLUMNS = ("u_ttw", "v_ttw", "depth_m")
 FACTORY = "fm_hspeed_ms"
-"""[m/s] horizontal speed by the factory's model"""
+"""[m/s] Column of the horizontal speed by the factory's flight model"""
 LEAST_DIVES = 4
 MOST_FOLDS = 12
-"""Above so many dives they are held out in blocks instead of one by one."""
+"""Most dives that are held out one by one; more dives are held out in blocks"""
 NOISE = (0.02, 0.03)
-"""[m/s] of the inverse solution, as its data says"""
+"""[m/s] Noise of the profiler's inverse solution, as its data set states"""
 PUBLIC_INPUTS = ("pitch", "roll", "pump", "rate", "depth")
-"""Of the public ridge regression: pitch, roll, bladder, depth rate, depth."""
+"""Inputs of the public ridge regression: pitch, roll, bladder, depth rate, depth"""
 ON_TWIN = (*PUBLIC_INPUTS, "twin_net_mass", "twin_level", "twin_rise")
-"""Of ridge regression on the twin"""
+"""Inputs of ridge regression with the twin"""
 
 
 Errors = dict[str, dict[int, Array]]
-"""[m/s] By method and row of the dive"""
+"""[m/s] Errors by method and row of the dive"""
 
 
 def truth_of(deployment: Deployment) -> tuple[dict[int, Array], dict[int, Array]]:
@@ -68,7 +68,7 @@ def truth_of(deployment: Deployment) -> tuple[dict[int, Array], dict[int, Array]
 
 
 def fold_jobs(deployment: Deployment, networks: Pretrained | None) -> list[Callable[[], Errors]]:
-    """One job per held-out block; none without a profiler or with too few dives."""
+    """Make one job per held-out block; none without a profiler or with too few dives."""
     times, level = truth_of(deployment)
     if len(times) < LEAST_DIVES:
         return []
@@ -83,12 +83,12 @@ def run_fold(
     fold: FoldJob, times: Mapping[int, Array], level: Mapping[int, Array],
     networks: Pretrained | None, seed: int,
 ) -> Errors:  # fmt: skip
-    """Tune everything without the block, predict the block.
+    """Tune all methods without the block, and predict the block.
 
     Args:
       times: [s] of the profiler's samples since the row's start, by row.
       level: [m/s] truth at these times.
-      networks: trained on simulation; None: no networks are judged.
+      networks: networks trained on simulation; None: no networks are scored.
     """
     calibration = fit_fold(fold).calibration
     dives: dict[int, Samples] = {}
@@ -131,7 +131,7 @@ TITLES = {
 
 
 def rows_of(deployment: Deployment, held: Sequence[Errors]) -> list[Row]:
-    """Rows of one deployment from all its folds."""
+    """Rows of one deployment from all of its folds."""
     dives = sum(len(part["twin"]) for part in held)
     scheme = "leave one dive out" if dives == len(held) else f"{len(held)} blocks held out"
     methods = []
@@ -152,10 +152,10 @@ def rows_of(deployment: Deployment, held: Sequence[Errors]) -> list[Row]:
 
 
 def _floor(deployment: Deployment, pieces: Sequence[Array]) -> Row:
-    """What no estimate can remove: the part of the error that neighbours in time do not share.
+    """Lower bound of the error of any estimate: the profiler's noise.
 
-    Half the variance of differences of neighbouring errors, which noise of the profiler makes and
-    no error of an estimate that is smooth over minutes.
+    The noise is half the variance of differences of neighbouring errors, because an estimate's own
+    error is smooth over minutes.
     """
     steps = np.concatenate([np.diff(piece[np.isfinite(piece)]) for piece in pieces])
     return Row(

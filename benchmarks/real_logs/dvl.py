@@ -1,8 +1,8 @@
 """DVL: speed through the water of a Slocum against its Doppler velocity log.
 
-Every method is tuned on the depth rate alone; the speed that is scored is never seen. Scored is
-every finite sample of the truth table, at its own time, in dives that all methods know. Where the
-truth's author corrected the pitch, each method stands with and without that correction.
+Every method is tuned on the depth rate only, never on the speed that is scored. All finite samples
+of the truth table are scored, at their own times, in dives for which all methods have a speed. If
+the author of the truth corrected the pitch, each method is scored with and without this correction.
 """
 
 from __future__ import annotations
@@ -24,27 +24,27 @@ TASK = "speed through the water"
 SPEED = "U_dvl_ms"
 CORRECTED_PITCH = "pitch_rad_corrected"
 MOST_PITCH_RESIDUAL = math.radians(0.5)
-"""[rad] RMSE beyond which corrected and logged pitch are no straight line of each other"""
+"""[rad] Largest RMSE of a straight line from logged to corrected pitch"""
 LEAST_SAMPLES = 100
 ATTACKS_DEG = (1, 2, 3, 4)
-"""[deg] constant angles of attack: OceanGliders has 3, and the best in hindsight is a rival"""
+"""[deg] Constant angles of attack: OceanGliders has 3; the best in hindsight is a rival too"""
 
 
 @dataclasses.dataclass(frozen=True)
 class Truth:
-    """Samples of the DVL in the order of time."""
+    """Samples of the DVL in order of time."""
 
     time: Array
-    """[s] unix"""
+    """[s] Unix time"""
     speed: Array
-    """[m/s] through the water"""
+    """[m/s] Speed through the water"""
     pitch_scale: float = 1.0
     pitch_offset: float = 0.0
-    """[rad] of the pitch that the author of the truth found: scale * logged + offset"""
+    """[rad] The pitch by the author of the truth is scale * logged + offset"""
 
 
 def read_truth(deployment: Deployment) -> Truth | None:
-    """The DVL's speeds of a deployment, None without any."""
+    """Read the DVL's speeds of a deployment; None without any."""
     tables = tables_with(deployment, SPEED)
     if not tables:
         return None
@@ -60,7 +60,7 @@ def read_truth(deployment: Deployment) -> Truth | None:
 
 
 def _pitch_line(deployment: Deployment, time: Array, corrected: Array) -> tuple[float, float]:
-    """Scale and offset [rad] between the logged pitch and the one in the truth table."""
+    """Scale and offset [rad] from the logged pitch to the pitch in the truth table."""
     ours, theirs = [], []
     for log in deployment.logs():
         values = at_times(time, corrected, deployment.clock(log))
@@ -70,7 +70,7 @@ def _pitch_line(deployment: Deployment, time: Array, corrected: Array) -> tuple[
     x, y = np.concatenate(ours), np.concatenate(theirs)
     if x.size < LEAST_SAMPLES:
         return 1.0, 0.0
-    for _ in range(3):  # interpolated samples at inflections are off the line: trimmed
+    for _ in range(3):  # leave out interpolated samples at inflections, which are off the line
         scale, offset = np.polyfit(x, y, 1)
         residual = np.abs(scale * x + offset - y)
         keep = residual <= max(3.0 * float(np.median(residual)), 1e-4)
@@ -83,7 +83,7 @@ def rows_of(deployment: Deployment, networks: Pretrained | None) -> list[Row]:
     """Rows of one deployment; none without a DVL.
 
     Args:
-      networks: trained on simulation; None: no networks are judged.
+      networks: networks trained on simulation; None: no networks are scored.
     """
     truth = read_truth(deployment)
     if truth is None or truth.time.size < LEAST_SAMPLES:
@@ -98,7 +98,7 @@ def _methods(
     deployment: Deployment, logs: list[Log], truth: Truth, networks: Pretrained | None, *,
     corrected: bool,
 ) -> list[Method]:  # fmt: skip
-    """Every method with the pitch that the author of the truth found, or with the logged one."""
+    """Errors of every method with the pitch by the author of the truth, or with the logged one."""
     pitch = title = "pitch as logged"
     nominal = load_calibration(start_vehicle(deployment.store))
     if corrected:
@@ -144,7 +144,7 @@ def _methods(
 def score(
     deployment: Deployment, logs: list[Log], speeds: list[Array], truth: Truth
 ) -> dict[int, Array]:
-    """Estimate less truth [m/s] at the truth samples of each dive, by row."""
+    """Estimate minus truth [m/s] at the truth samples of each dive, by row."""
     errors = {}
     for log, speed in zip(logs, speeds, strict=True):
         clock = deployment.clock(log)

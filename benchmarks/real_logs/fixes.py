@@ -1,14 +1,14 @@
 """Fixes: depth rate, and dead reckoning from one GPS fix to the next, of any buoyancy glider.
 
-Everything is tuned on other dives than those it is scored on, as `twin identify` does without
-options: the deployment's dives are held out in four blocks of consecutive ones. Fewer than four
-are tuned on themselves, which the notes say. Dead reckoning adds the depth-averaged current of the
-dive before (by the same method), if that dive ended less than an hour ago; its error is the
-distance between the reckoned and the received fix, per hour between the fixes.
+Methods are tuned by `twin identify` without options, on other dives than those that are scored: the
+deployment's dives are held out in four blocks of consecutive dives. Fewer than four dives are tuned
+on themselves, and the notes say so. Dead reckoning adds the depth-averaged current of the previous
+dive (by the same method), if that dive ended less than an hour ago. Its error is the distance
+between the reckoned and the received fix, divided by the hours between the fixes.
 
 A Seaglider's base station writes speeds of its own flight model beside the samples. That model is
-tuned with the trim of each dive by itself: what it is scored on has been seen. Some of its speeds
-in inflections are straight lines between those before and after.
+tuned to the trim of each dive, so it has seen the dives that it is scored on. Some of its speeds in
+inflections are interpolated.
 """
 
 from __future__ import annotations
@@ -38,19 +38,19 @@ RATE_FACTORY = "depth rate, where the factory's model has one"
 STEADY, KINEMATIC = "steady flight model, two parameters", "w/tan(pitch + 3 deg)"
 HOUR = 3600.0
 COLUMN = "fm_vspeed_ms"
-"""[m/s] upward, of a table"""
+"""[m/s] Column of a table with the upward speed"""
 VARIABLE, CLOCK = "vert_speed", "ctd_time"
-"""[cm/s] upward, and its times, of a file of the base station"""
+"""[cm/s], [s] Upward speed and its times in a file of the base station"""
 LONGEST_GAP = 30.0
-"""[s] between samples with a speed that are taken for neighbours"""
+"""[s] Longest time between samples with a speed that is bridged"""
 LEAST_DIVES = 6
-"""Dives with fixes below which no dead reckoning is scored."""
+"""Fewest dives with fixes for a score of dead reckoning"""
 Tracks = dict[int, Array]
-"""By row: displacement through the water [m], north and east, (2,), or errors (time,)"""
+"""Displacements through the water [m], north and east, (2,), or errors (time,), by row"""
 
 
 def fold_jobs(deployment: Deployment) -> list[Callable[[], Fitted]]:
-    """The identifications that this deployment needs."""
+    """Identifications that a deployment needs."""
     rows = [log.index for log in deployment.logs()]
     held_out = [dataclasses.replace(job, blind=True) for job in jobs(deployment, rows)]
     every = [*held_out, *later_job(deployment, rows)]
@@ -63,8 +63,8 @@ def rows_of(
     """Rows of one deployment.
 
     Args:
-      fitted: of every job of `fold_jobs`.
-      networks: trained on simulation; None: no networks are judged.
+      fitted: results of `fold_jobs`.
+      networks: networks trained on simulation; None: no networks are scored.
     """
     logs = deployment.logs()
     return [
@@ -78,7 +78,7 @@ def rows_of(
 
 
 def _errors(log: Log, fold: Fitted) -> tuple[Array, Array]:
-    """[m/s] Depth rate of the steady model and of the twin, less the log's, (time,) each."""
+    """[m/s] Depth rate of the steady model and of the twin minus the log's, (time,) each."""
     where = np.where(log.use, 0.0, np.nan)
     public = fold.steady.bridged(log, log.pitch, density_of(log, fold.calibration))
     steady = log.filtered(public.sink) - log.depth_rate + where
@@ -124,7 +124,7 @@ def _rates(deployment: Deployment, logs: list[Log], fitted: Sequence[Fitted]) ->
 
 
 def _later_rates(deployment: Deployment, fitted: Sequence[Fitted]) -> list[Row]:
-    """The second half of the dives by what was tuned on the first."""
+    """Rows of the second half of the dives, by models tuned on the first half."""
     rows: list[Row] = []
     for fold in fitted:
         if fold.later:
@@ -139,7 +139,7 @@ def _later_rates(deployment: Deployment, fitted: Sequence[Fitted]) -> list[Row]:
 
 
 def pairs(logs: Sequence[Log]) -> list[tuple[Log, Log]]:
-    """Dives with fixes and the one before each, where it ended shortly before."""
+    """Pairs of successive dives with fixes and a short time between."""
     return [
         (before, log)
         for before, log in itertools.pairwise(logs)
@@ -148,7 +148,7 @@ def pairs(logs: Sequence[Log]) -> list[tuple[Log, Log]]:
 
 
 def errors_per_hour(couples: Sequence[tuple[Log, Log]], tracks: Tracks) -> dict[int, Array]:
-    """[m/h], (1,), by row: the previous dive's current, by the same method."""
+    """[m/h] Errors with the previous dive's current by the same method, (1,), by row."""
     found = {}
     for before, log in couples:
         current = (np.array(before.displacement) - tracks[before.index]) / before.duration
@@ -192,7 +192,7 @@ def _tracks(
     for name, blind in (("twin, without fixes", True), ("twin, with fixes of other dives", False)):
         errors: dict[int, Array] = {}
         for couple in couples:
-            # the dive before is reckoned with the same calibration: neither has seen this dive
+            # the previous dive has the same calibration, which was fitted without this dive
             fold = fold_of(fitted, couple[1].index)
             calibration = fold.blind if blind else fold.calibration
             twin = {log.index: estimate(log, calibration).track()[-1] for log in couple}
@@ -211,7 +211,7 @@ def _tracks(
 
 
 def _onboard(deployment: Deployment, couples: Sequence[tuple[Log, Log]]) -> dict[int, Array]:
-    """The vehicle's own reckoning: its last position before the fix that ends the dive."""
+    """Errors of the vehicle's own reckoning: its last position before the fix after the dive."""
     dataset = open_store(deployment.store)
     names = ("measured_onboard_north", "measured_onboard_east")
     errors: dict[int, Array] = {}
@@ -230,11 +230,11 @@ def _onboard(deployment: Deployment, couples: Sequence[tuple[Log, Log]]) -> dict
 
 
 def factory_sink(deployment: Deployment, log: Log) -> Array | None:
-    """Downward speed [m/s] of the factory's model at a log's samples, (time,), filtered as the
-    log's depth rate is; NaN where it has no speed close by. None for a dive without any."""
+    """Downward speed [m/s] of the factory's model at a log's samples, (time,), filtered like the
+    log's depth rate; NaN far from its speeds. None for a dive without any."""
     clock = deployment.clock(log)
     for time, rate in _speeds(deployment):
-        known = np.isfinite(time) & np.isfinite(rate) & (rate != 0.0)  # 0: it found none
+        known = np.isfinite(time) & np.isfinite(rate) & (rate != 0.0)  # 0: the model found no speed
         known &= (time >= clock[0] - LONGEST_GAP) & (time <= clock[-1] + LONGEST_GAP)
         if known.sum() < log.window:
             continue

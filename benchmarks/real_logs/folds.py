@@ -1,4 +1,4 @@
-"""Folds: dives of a deployment held out in blocks, and the twin identified on the others."""
+"""Folds: held-out blocks of a deployment's dives, and the twin identified on the other dives."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from twin.identify import Calibration, Log, identify, load_calibration, load_log
 from twin.identify.logged_missions import start_vehicle
 
 BLOCKS = 4
-"""Held-out blocks: of 24 segments 6 at a time."""
+"""Number of held-out blocks: 6 dives each, of 24"""
 MOST_ROWS = 24
-"""Dives that one identification looks at, so that a long deployment takes no longer."""
+"""Most dives in one identification, so that a long deployment takes no longer"""
 RUN = 6
-"""Consecutive dives taken together when a long deployment is thinned: currents are compared from
-one dive to the next."""
+"""Consecutive dives that stay together when a long deployment is thinned: currents are compared
+from one dive to the next."""
 LEAST_LATER = 3
-"""Dives of a half below which later dives are not foretold by earlier ones."""
+"""Fewest dives of each half for a prediction of later dives from earlier ones"""
 LEAST_ROWS = 4
-"""Dives of a deployment below which none is held out."""
+"""Fewest dives of a deployment for dives to be held out"""
 
 
 def blocks(rows: Sequence[int], count: int = BLOCKS) -> list[tuple[int, ...]]:
-    """Rows in `count` blocks of consecutive ones, each once."""
+    """Divide rows into `count` blocks of consecutive rows."""
     count = min(count, len(rows))
     return [tuple(int(r) for r in part) for part in np.array_split(np.asarray(rows), count)]
 
 
 def thinned(rows: Sequence[int], most: int = MOST_ROWS) -> list[int]:
-    """At most `most` of the rows, as runs of consecutive ones spread evenly."""
+    """Choose at most `most` rows, in evenly spread runs of consecutive rows."""
     if len(rows) <= most:
         return list(rows)
     count = most // RUN
@@ -44,35 +44,35 @@ def thinned(rows: Sequence[int], most: int = MOST_ROWS) -> list[int]:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Fitted:
-    """What was tuned without the block's dives, or on them where `seen`."""
+    """Models tuned without the block's dives; or on the dives themselves, if `seen`."""
 
     block: tuple[int, ...]
     calibration: Calibration
     blind: Calibration
-    """The same without the fixes, depth rate alone, where the job asks for it"""
+    """Calibration by the depth rate only, without fixes, if the job asks for it"""
     steady: SteadyModel
     seen: bool = False
-    """Too few dives to hold one out: tuned on the block itself"""
+    """True: too few dives to hold one out; the models are tuned on the block itself"""
     later: bool = False
-    """Tuned on the first half of the dives; the block is the second"""
+    """True: the models are tuned on the first half of the dives; the block is the second half"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FoldJob:
-    """One identification, as a process can be given it."""
+    """One identification, in a form that can be sent to a process."""
 
     store: Path
     block: tuple[int, ...]
     train: tuple[int, ...]
     later: bool = False
-    """The train is the first half of the dives, the block the second"""
+    """True: train on the first half of the dives; the block is the second half"""
     blind: bool = False
-    """Identify without the fixes too"""
+    """True: identify without the fixes too"""
 
 
 def later_job(deployment: Deployment, rows: Sequence[int]) -> list[FoldJob]:
-    """One job that is tuned on the first half of the dives and judged on the second; none for
-    too few."""
+    """Make the job that tunes on the first half of the dives and scores the second half; none for
+    too few dives."""
     half = len(rows) // 2
     if len(rows) < 2 * LEAST_LATER:
         return []
@@ -81,7 +81,7 @@ def later_job(deployment: Deployment, rows: Sequence[int]) -> list[FoldJob]:
 
 
 def jobs(deployment: Deployment, rows: Sequence[int], count: int = BLOCKS) -> list[FoldJob]:
-    """One job per block; one with the dives themselves where they are too few to hold any out."""
+    """Make one job per block; with too few dives, one job on the dives themselves."""
     if len(rows) < LEAST_ROWS:
         return [FoldJob(store=deployment.store, block=tuple(rows), train=tuple(rows))]
     return [
@@ -113,7 +113,7 @@ def fit_fold(job: FoldJob) -> Fitted:
 
 
 def own_trim(log: Log, calibration: Calibration) -> Calibration:
-    """The calibration with the trim of one dive, fitted to its depth rate."""
+    """Calibration with the trim of one dive, fitted to its depth rate."""
     try:
         return identify([log], calibration, parameters=["neutral_density"], fixes=False).calibration
     except InputError:  # too little steady flight
@@ -121,7 +121,7 @@ def own_trim(log: Log, calibration: Calibration) -> Calibration:
 
 
 def fold_of(fitted: Sequence[Fitted], row: int) -> Fitted:
-    """The fold that holds a row out."""
+    """Return the fold that holds a row out."""
     for fold in fitted:
         if row in fold.block and not fold.later:
             return fold

@@ -1,9 +1,9 @@
-"""Left out: speed of a deployment by what was learned on the simulation and on other deployments.
+"""Left out: speed of a deployment by models trained on simulation and on other deployments.
 
-Of each deployment the flight models are identified on its own depth rate and fixes, which every log
-has; its velocities teach nothing that it is scored on. The truth is a horizontal speed along the
-heading, means over a minute: the profiler's surge (`benchmarks.real_logs.adcp`), or of a Doppler
-log the speed through the water without its vertical part, the depth rate.
+Each deployment's flight models are identified on its own depth rate and fixes, which every log has.
+Its velocities are not used for training. The truth is a horizontal speed along the heading, as
+one-minute means: the profiler's surge (`benchmarks.real_logs.adcp`), or a Doppler log's speed
+through the water without its vertical component, the depth rate.
 """
 
 from __future__ import annotations
@@ -25,28 +25,28 @@ from twin.navigation.dead_reckoning import Array
 TASK = "one deployment left out"
 RATIO = "one deployment left out, over the twin"
 TOGETHER = "both"
-"""Deployments of a table's last line, each of the same weight"""
+"""Name of a table's last line: all deployments with equal weights"""
 TWIN = "twin alone"
 ON_TWIN = "twin "
-"""The kind of network, see `surge_networks.INPUTS`"""
+"""Kind of network, see `surge_networks.INPUTS`"""
 WHOLE = 0.5
-"""Part of a minute that has samples of a Doppler log, from where its mean counts"""
+"""[1] Least fraction of a minute with samples of a Doppler log, for its mean to count"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Labelled:
-    """A deployment with velocities, and its flight models."""
+    """Deployment with velocities, and its flight models."""
 
     name: str
     dives: tuple[Samples, ...]
     steady: tuple[Array, ...]
-    """[m/s] horizontal speed of the steady flight model at the samples of each dive"""
+    """[m/s] Horizontal speed of the steady flight model at the samples of each dive"""
 
 
 def prepare(deployment: Deployment) -> Labelled | None:
     """Identify the models on the deployment's own depth rate and fixes, and sample its dives.
 
-    None without velocities.
+    The result is None without velocities.
     """
     times, level = adcp.truth_of(deployment)
     if not times:
@@ -65,7 +65,7 @@ def prepare(deployment: Deployment) -> Labelled | None:
 
 
 def doppler_minutes(deployment: Deployment) -> tuple[dict[int, Array], dict[int, Array]]:
-    """Times [s] since the row's start and horizontal speed [m/s], means over a minute, by row."""
+    """Times [s] since the row's start and one-minute means of horizontal speed [m/s], by row."""
     truth = dvl.read_truth(deployment)
     if truth is None:
         return {}, {}
@@ -83,16 +83,16 @@ def doppler_minutes(deployment: Deployment) -> tuple[dict[int, Array], dict[int,
 
 
 def level_of_speed(log: Log, since: Array, speed: Array) -> Array:
-    """Horizontal part [m/s] of a speed through the water at times [s] since the row's start; the
-    vertical part is the depth rate, so that no pitch sensor has a say."""
+    """Horizontal component [m/s] of a speed through the water at times [s] since the row's start.
+    The vertical component is the depth rate, so that the pitch sensor has no influence."""
     clock = log.period * np.arange(len(log.depth), dtype=np.float64)
     rate = at_times(clock, log.depth_rate, since)
     return np.asarray(np.sqrt(np.maximum(speed**2 - rate**2, 0.0)), float)
 
 
 def minute_means(since: Array, values: Array) -> tuple[Array, Array]:
-    """Centres [s] of the whole minutes from the first sample on, and the means over each; minutes
-    with gaps are left out."""
+    """Centres [s] of the whole minutes after the first sample, and the mean of each; minutes with
+    gaps are left out."""
     minute = ((since - since[0]) / AVERAGE).astype(int)
     counts = np.bincount(minute)[: int((since[-1] - since[0]) / AVERAGE)]
     sums = np.bincount(minute, values)[: counts.size]
@@ -104,18 +104,18 @@ def minute_means(since: Array, values: Array) -> tuple[Array, Array]:
 
 @dataclasses.dataclass(frozen=True)
 class LeftOutJob:
-    """One deployment left out, as a process can be given it."""
+    """One left-out deployment, in a form that can be sent to a process."""
 
     train: tuple[Samples, ...]
-    """of the others"""
+    """Dives of the other deployments"""
     tested: Labelled
     networks: Pretrained | None
-    """trained on simulation; None: no networks are judged"""
+    """Networks trained on simulation; None: no networks are scored"""
     seed: int = 0
 
 
 def jobs(labelled: Sequence[Labelled], networks: Pretrained | None) -> list[LeftOutJob]:
-    """One job a deployment; none where there is no other to learn from."""
+    """Make one job per deployment; none if there is no other deployment to train on."""
     if len(labelled) < 2:
         return []
     return [
@@ -130,7 +130,7 @@ def jobs(labelled: Sequence[Labelled], networks: Pretrained | None) -> list[Left
 
 
 def run(job: LeftOutJob) -> list[Method]:
-    """Every method's errors [m/s] on the deployment that is left out."""
+    """Errors [m/s] of every method on the left-out deployment."""
     tests = job.tested.dives
     methods = []
 
@@ -159,7 +159,7 @@ def run(job: LeftOutJob) -> list[Method]:
 
 
 def rows_of(names: Sequence[str], found: Sequence[Sequence[Method]]) -> list[Row]:
-    """Rows of each deployment, of all together, each of the same weight, and over the twin's."""
+    """Rows of each deployment, of all with equal weights, and of ratios to the twin's error."""
     rows = [
         r
         for name, methods in zip(names, found, strict=True)

@@ -1,8 +1,8 @@
-"""Public methods, as glider people use them, worked out again on the samples of a log.
+"""Public methods: speed estimates as glider groups use them, computed on the samples of a log.
 
 - `kinematic`: w / sin(pitch + angle of attack), one constant angle (OceanGliders; Spray: 3 deg).
-- `SteadyModel`: forces in balance with two parameters fitted to the depth rate, trim and drag, and
-  published coefficients for the rest (Merckelbach et al. 2010 and 2019, Slocum gliders).
+- `SteadyModel`: balance of forces with trim and drag fitted to the depth rate, and published other
+  coefficients (Merckelbach et al. 2010 and 2019, Slocum gliders).
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ from twin.navigation.dead_reckoning import Array
 Mask = NDArray[np.bool_]
 
 ATTACK = math.radians(3.0)
-"""[rad] the constant angle of attack"""
+"""[rad] Constant angle of attack"""
 LEAST_PITCH = math.radians(10.0)
-"""[rad] flatter, a saw-tooth glider is turning over: speeds are bridged"""
+"""[rad] Least pitch of a glide; while the pitch is flatter, speeds are interpolated"""
 PITCH_WINDOW = 20.0
-"""[s] average of the pitch"""
+"""[s] Averaging time of the pitch"""
 AFLOAT = 1.0
-"""[m] above this it lies at the surface"""
+"""[m] Depth above which a glider is at the surface"""
 AREA = 0.1
-"""[m2] that the coefficients refer to"""
+"""[m2] Reference area of the coefficients"""
 LIFT = 7.5
-"""[1/rad] lift slope of a Slocum, wings and body (Merckelbach et al. 2010)"""
+"""[1/rad] Lift slope of a Slocum, wings and body (Merckelbach et al. 2010)"""
 INDUCED = 10.5
-"""[1/rad2] induced drag of a Slocum (the same)"""
+"""[1/rad2] Induced drag of a Slocum (Merckelbach et al. 2010)"""
 DEEP = 4.0
-"""[m] from where the fit looks at the depth rate"""
+"""[m] Least depth of samples in the fit"""
 STEEP = math.radians(11.0)
-"""[rad] of pitch from where it does"""
+"""[rad] Least pitch of samples in the fit"""
 SLOWEST = 0.15
-"""[m/s] below which the balance is at an inflection: bridged"""
+"""[m/s] Least speed of a balance; slower ones are at inflections, and are interpolated"""
 ROUNDS = 40
 
 
@@ -50,15 +50,15 @@ class Through:
     """Velocities through the water of one mission, (time,)."""
 
     speed: Array
-    """[m/s]"""
+    """[m/s] Speed along the path"""
     level: Array
-    """[m/s] horizontal, along the heading"""
+    """[m/s] Horizontal speed along the heading"""
     sink: Array
-    """[m/s] downward"""
+    """[m/s] Downward speed"""
 
 
 def kinematic(log: Log, pitch: Array, attack: float = ATTACK) -> Through:
-    """Speed from depth rate and a constant angle of attack; bridged at inflections."""
+    """Speed from depth rate and a constant angle of attack; interpolated at inflections."""
     slope = uniform_filter1d(pitch, max(round(PITCH_WINDOW / log.period), 1))
     rate = log.depth_rate
     good = (np.abs(slope) > LEAST_PITCH) & (rate * slope < 0.0) & (log.depth > AFLOAT)
@@ -71,21 +71,21 @@ def kinematic(log: Log, pitch: Array, attack: float = ATTACK) -> Through:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SteadyModel:
-    """A glider of published coefficients with two of its own."""
+    """Steady flight model with published coefficients, but its own volume and drag."""
 
     mass: float
     """[kg]"""
     volume: float
-    """[m3] at pump 0"""
+    """[m3] Volume at pump 0"""
     drag: float
-    """parasite drag coefficient on `AREA`"""
+    """[1] Parasite drag coefficient on `AREA`"""
     lift: float = LIFT
-    """[1/rad] of its slope"""
+    """[1/rad] Lift slope"""
     induced: float = INDUCED
-    """[1/rad2] of drag"""
+    """[1/rad2] Induced drag"""
 
     def fly(self, log: Any, pitch: Array, density: Array) -> Through:
-        """Velocities of one mission."""
+        """Compute the velocities of one mission."""
         steep = np.abs(pitch)
         attack = np.zeros_like(pitch)
         for _ in range(ROUNDS):
@@ -99,7 +99,7 @@ class SteadyModel:
         return Through(speed, speed * np.cos(path), -np.sign(pitch) * speed * np.sin(path))
 
     def bridged(self, log: Any, pitch: Array, density: Array) -> Through:
-        """As `fly`, with inflections bridged by straight lines."""
+        """Compute the velocities of one mission; interpolate at inflections."""
         raw = self.fly(log, pitch, density)
         good = raw.speed >= SLOWEST
         return Through(
@@ -108,10 +108,10 @@ class SteadyModel:
 
 
 def fit_steady(logs: Sequence[Log], calibration: Calibration) -> SteadyModel:
-    """Volume and drag that explain the depth rate of these missions.
+    """Fit volume and drag to the depth rate of missions.
 
     Args:
-      calibration: for the mass, and for what is known of the pitch sensor.
+      calibration: gives the mass and the errors of the pitch sensor.
     """
     pitches = [calibration.true_pitch(log.pitch) for log in logs]
     densities = [density_of(log, calibration) for log in logs]
@@ -122,14 +122,14 @@ def fit_steady(logs: Sequence[Log], calibration: Calibration) -> SteadyModel:
 def fit_balance(
     dives: Sequence[Any], pitches: Sequence[Array], densities: Sequence[Array], start: SteadyModel
 ) -> SteadyModel:
-    """`start` with the volume and the drag that explain the depth rate.
+    """Fit volume and drag of a model to the depth rate.
 
     Args:
       dives: with period [s], depth [m], depth rate [m/s] downward, pump [cm3] and a mask of the
-        samples that are compared, `use`, (time,) each; a `Log` is one.
-      pitches: [rad] of each.
-      densities: [kg/m3] of each.
-      start: mass, lift and induced drag, and the drag to begin with; its volume has no say.
+        samples that are compared, `use`, (time,) each, such as a `Log`.
+      pitches: [rad] pitch of each dive.
+      densities: [kg/m3] density in each dive.
+      start: gives mass, lift, induced drag and the initial drag; its volume is not used.
     """
     masks = [
         (dive.depth > DEEP) & (np.abs(pitch) > STEEP) & dive.use

@@ -1,9 +1,9 @@
-"""Row: one figure of the benchmark, how sure it is, and what it must be read with.
+"""Row: one figure of the benchmark, with its interval, number of samples and note.
 
-Methods stand side by side at equal samples, where all of them say something. Intervals are by
-bootstrap over dives: samples of one dive share water, trim and whatever a method lacks on that day.
-Whole dives are drawn with replacement, and the figure is worked out for each draw (Efron and
-Tibshirani 1993). What public methods reach on these deployments is in `published.toml`.
+Methods are compared at equal samples, for which all of them have a value. Intervals are by
+bootstrap over dives, because samples of one dive share water, trim and errors of the method. Whole
+dives are sampled with replacement; each sample gives a figure (Efron and Tibshirani 1993).
+`published.toml` has published figures of public methods on these deployments.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ MEASURED = Path(__file__).with_name("measured.json")
 """Rows that `python -m benchmarks.real_logs FOLDER --keep FILE` wrote on the public logs; a test
 compares docs/results/real_logs.md with them"""
 UNITS = {"m s-1": ("cm/s", 100.0, 2), "m h-1": ("m/h", 1.0, 0), "1": ("ratio", 1.0, 2)}
-"""Of a row: unit on the page, factor to it, digits"""
+"""Unit on the page, factor and digits, by the unit of a row"""
 DRAWS = 2000
 SEED = 20221123
-"""Intervals are the same in every run."""
+"""Seed of the bootstrap: intervals are the same in every run"""
 CENTRAL = (2.5, 97.5)
-"""[%] the interval that is stated: 95 %"""
+"""[%] Percentiles of a 95 % interval"""
 LEAST_DIVES = 4
-"""Dives below which none is stated."""
+"""Fewest dives for an interval"""
 
 Interval = tuple[float, float]
 UNKNOWN: Interval = (float("nan"), float("nan"))
@@ -44,24 +44,24 @@ NOT_COMPARED: tuple[Kind, ...] = ("published", "floor", "skipped")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Row:
-    """One method on one task."""
+    """Figure of one method in one task."""
 
     task: str
     data: str
-    """Deployment, or folder where there is none."""
+    """Deployment, or folder without a deployment"""
     method: str
     kind: Kind
     value: float = math.nan
-    """In `unit`; NaN where there is none, see `note`."""
+    """Figure in `unit`; NaN without one, see `note`"""
     low: float = math.nan
     high: float = math.nan
-    """95 % interval of the value, by bootstrap over dives; NaN where there is none."""
+    """Limits of the 95 % interval of the value, by bootstrap over dives; NaN without one"""
     unit: str = "m s-1"
     samples: int = 0
-    """Truth samples, or dives, that it is the error over."""
+    """Number of truth samples, or of dives, in the figure"""
     dives: int = 0
     note: str = ""
-    """How it was tuned, where it was published, or why it is missing."""
+    """Tuning of the method, publication of the figure, or reason why it is missing"""
 
 
 def rmse(errors: Array) -> float:
@@ -71,7 +71,7 @@ def rmse(errors: Array) -> float:
 
 
 def best(rows: Sequence[Row]) -> list[Row]:
-    """Of the rows with the same task, deployment, unit and samples the one with the least error."""
+    """Select the row of least error for each task, deployment, unit and samples."""
     groups: dict[tuple[object, ...], list[Row]] = {}
     for row in rows:
         if row.kind not in NOT_COMPARED and math.isfinite(row.value):
@@ -80,7 +80,7 @@ def best(rows: Sequence[Row]) -> list[Row]:
 
 
 def table(rows: Sequence[Row]) -> list[dict[str, object]]:
-    """Rows for a terminal; the best of those at equal samples is marked."""
+    """Rows for a terminal; the best row at equal samples is marked."""
     winners = best(rows)
     return [
         {
@@ -112,7 +112,7 @@ def rmse_interval(dives: Sequence[Array]) -> Interval:
 
 
 def median_interval(errors: Array) -> Interval:
-    """95 % interval of the median over dives, one error each; NaN for too few."""
+    """95 % interval of the median over dives, one error each; NaN for too few dives."""
     if errors.size < LEAST_DIVES:
         return UNKNOWN
     low, high = np.percentile(np.median(errors[_draws(errors.size)], axis=1), CENTRAL)
@@ -120,10 +120,10 @@ def median_interval(errors: Array) -> Interval:
 
 
 def pooled_draws(groups: Sequence[Sequence[Array]]) -> Array:
-    """RMSE over deployments that count alike, however many samples each has, (1 + draws,): of all
-    dives, then of each draw of dives within their deployments; NaN for too few dives.
+    """RMSE of deployments with equal weights, (1 + draws,): of all dives, then of each bootstrap
+    sample of dives within their deployments; NaN for too few dives.
 
-    The draws are the same for every method, so that the ratio of two methods has an interval.
+    All methods have the same bootstrap samples, so that the ratio of two methods has an interval.
 
     Args:
       groups: errors of each dive of each deployment, finite.
@@ -140,13 +140,13 @@ def pooled_draws(groups: Sequence[Sequence[Array]]) -> Array:
 
 
 def central(draws: Array) -> Interval:
-    """95 % interval of a figure from its draws."""
+    """95 % interval of a figure from its bootstrap samples."""
     low, high = np.percentile(draws, CENTRAL)
     return float(low), float(high)
 
 
 def _draws(dives: int, group: int = 0) -> np.ndarray:
-    """Numbers of the dives of each draw, (draws, dives)."""
+    """Numbers of the dives in each bootstrap sample, (draws, dives)."""
     return np.random.default_rng(SEED + group).integers(0, dives, (DRAWS, dives))
 
 
@@ -158,11 +158,11 @@ class Method:
     kind: Kind
     note: str
     errors: Mapping[int, Array]
-    """By dive, at the same samples for every method; NaN where it says nothing"""
+    """Errors by dive, at the same samples for every method; NaN where the method has no value"""
 
 
 def common(methods: Sequence[Method]) -> list[Method]:
-    """Methods at the samples that all of them have, dives without any left out."""
+    """Reduce methods to the samples that all have; leave out dives without any."""
     dives = sorted(set.intersection(*(set(one.errors) for one in methods)))
     known = {
         dive: np.logical_and.reduce([np.isfinite(one.errors[dive]) for one in methods])
@@ -177,7 +177,7 @@ def common(methods: Sequence[Method]) -> list[Method]:
 
 
 def rmse_rows(task: str, data: str, methods: Sequence[Method]) -> list[Row]:
-    """RMSE of each method at their common samples [m/s], with an interval over dives."""
+    """Rows with the RMSE [m/s] of each method at their common samples, and its interval."""
 
     def figures(dives: Sequence[Array]) -> tuple[float, Interval, int, str]:
         every = np.concatenate(dives) if dives else np.zeros(0)
@@ -188,7 +188,7 @@ def rmse_rows(task: str, data: str, methods: Sequence[Method]) -> list[Row]:
 
 
 def median_rows(task: str, data: str, unit: str, methods: Sequence[Method]) -> list[Row]:
-    """Median over dives of each method, one error a dive, with an interval."""
+    """Rows with the median over dives of each method, one error per dive, and its interval."""
 
     def figures(dives: Sequence[Array]) -> tuple[float, Interval, int, str]:
         errors = np.array([float(values[0]) for values in dives])
@@ -205,7 +205,7 @@ def _rows(
     methods: Sequence[Method],
     figures: Callable[[Sequence[Array]], tuple[float, Interval, int, str]],
 ) -> list[Row]:
-    """A row for each method, by the value, interval, samples and note of its errors by dive."""
+    """Make a row for each method; `figures` gives its value, interval, samples and note."""
     rows = []
     for one in common(methods) if methods else []:
         value, (low, high), samples, note = figures(list(one.errors.values()))
@@ -218,12 +218,12 @@ def _rows(
 
 @functools.cache
 def figures() -> tuple[dict[str, Any], ...]:
-    """Every entry of the file."""
+    """Read every entry of `published.toml`."""
     return tuple(tomllib.loads(FIGURES.read_text(encoding="utf-8"))["figure"])
 
 
 def published_rows(task: str, deployment: str) -> list[Row]:
-    """Rows of a task and a deployment, which is known by the beginning of its name."""
+    """Published rows of a task and a deployment, which the beginning of its name identifies."""
     return [
         Row(
             task=task, data=deployment, method=f"{entry['method']}, on other samples",
@@ -238,7 +238,7 @@ def published_rows(task: str, deployment: str) -> list[Row]:
 
 
 def keep(rows: Sequence[Row], path: Path) -> None:
-    """Store the rows, numbers with five digits."""
+    """Write rows to a file; numbers have five digits."""
     lines = [
         json.dumps(
             {
@@ -253,13 +253,13 @@ def keep(rows: Sequence[Row], path: Path) -> None:
 
 
 def kept(path: Path = MEASURED) -> list[Row]:
-    """The rows of a file that `keep` wrote."""
+    """Read the rows of a file that `keep` wrote."""
     return [Row(**entry) for entry in json.loads(path.read_text(encoding="utf-8"))]
 
 
 def markdown(rows: Sequence[Row], task: str) -> str:
-    """One task as a table of Markdown: a line for each method where there is one deployment, else a
-    line for each deployment. The best of equal samples is bold."""
+    """Table of one task in Markdown: a line for each method if there is one deployment, else a line
+    for each deployment. The best figure at equal samples is bold."""
     mine = [row for row in rows if row.task == task and row.kind not in NOT_COMPARED]
     data = list(dict.fromkeys(row.data for row in mine))
     methods = list(dict.fromkeys(row.method for row in mine))

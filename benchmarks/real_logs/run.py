@@ -1,4 +1,4 @@
-"""Run: all tasks of a folder, the long work side by side in processes."""
+"""Run: all tasks of a folder, with long jobs in parallel processes."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ SECTIONS = {
     "left-out": (left_out.TASK, left_out.RATIO),
     "fixes": (*RATES, fixes.TRACK),
 }
-"""Tasks that are judged together, each a table"""
+"""Tasks of each section, which run together; each task is a table"""
 TASKS = (*(task for tasks in SECTIONS.values() for task in tasks), "skipped")
-"""Order of the tables."""
+"""Tasks in the order of their tables"""
 
 
 @dataclasses.dataclass(frozen=True)
 class Failure:
-    """Why a job gave nothing."""
+    """Reason why a job has no result."""
 
     why: str
 
@@ -48,22 +48,22 @@ def _guarded(job: Job) -> Any:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Work:
-    """Inputs that the judges of all sections share."""
+    """Inputs of all sections."""
 
     deployments: Sequence[Deployment]
     each: Callable[..., Iterable[Any]]
-    """`map`, or that of a pool of processes"""
+    """`map` of this process or of a pool of processes"""
     pretrained: Pretrained | None
     say: Say
 
     def run(self, jobs: Iterable[Job]) -> list[Any]:
-        """Results in the order of the jobs; `Failure` of those that gave none."""
+        """Results in the order of the jobs; a `Failure` for each job without a result."""
         return list(self.each(_guarded, jobs))
 
 
 @contextlib.contextmanager
 def mapping(workers: int) -> Iterator[Callable[..., Iterable[Any]]]:
-    """The `map` of a pool of processes; one worker works in this process."""
+    """Yield the `map` of a pool of processes; a single worker is this process."""
     if workers < 2:
         yield map
         return
@@ -80,15 +80,15 @@ def run_benchmark(
     only: Sequence[str] = tuple(SECTIONS),
     say: Say = lambda text: None,
 ) -> list[Row]:
-    """Every row that the logs below a folder allow.
+    """Compute every row that the logs below a folder allow.
 
     Args:
       root: folders of logs, see `benchmarks.real_logs.source`.
-      workers: processes.
-      networks: train and judge networks too; without, it takes a third of the time.
-      seed: of the simulated missions and of the networks.
+      workers: number of processes.
+      networks: train and score networks too; without them, a run takes a third of the time.
+      seed: seed of the simulated missions and of the networks.
       only: names of SECTIONS.
-      say: told what is being done.
+      say: called with a text about each step.
 
     Raises:
       InputError: no such folder, or no logs in it.
@@ -110,7 +110,7 @@ def run_benchmark(
         for section, judge in JUDGES.items():
             if section in only:
                 rows += judge(shared)
-        # errors name places of this machine: only their folders mean anything to the reader
+        # errors name paths of this machine: a reader needs only the names of their folders
         rows = [
             dataclasses.replace(
                 row,
@@ -123,7 +123,7 @@ def run_benchmark(
 
 
 def failed(task: str, deployment: Deployment, why: str) -> Row:
-    """A row that says why there is no figure."""
+    """Make a row with the reason why there is no figure."""
     return Row(task=task, data=deployment.name, method="", kind="skipped", note=why)
 
 
@@ -178,7 +178,7 @@ def _left_out(work: Work) -> list[Row]:
 
 
 JUDGES = {"speed": _speeds, "fixes": _fixes, "surge": _surges, "left-out": _left_out}
-"""Judge of each of `SECTIONS`"""
+"""Function that computes the rows of each section"""
 
 
 def _by_folds(
@@ -188,10 +188,10 @@ def _by_folds(
     jobs_of: Callable[[Deployment], Iterable[Job]],
     rows_of: Callable[[Deployment, list[Any]], list[Row]],
 ) -> list[Row]:
-    """Rows of a task whose folds are run side by side, all deployments' together.
+    """Rows of a task; the folds of all deployments run in parallel.
 
     Args:
-      jobs_of: the folds of a deployment, run in other processes; a TwinError says why it has none.
+      jobs_of: folds of a deployment, for other processes; a TwinError gives the reason for none.
       rows_of: rows of a deployment from the results of its folds.
     """
     rows: list[Row] = []

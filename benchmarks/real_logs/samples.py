@@ -1,8 +1,7 @@
-"""Samples that ridge regression and networks see of a dive, averaged as a profiler averages.
+"""Samples of a dive for ridge regression and networks, averaged like a current profiler's.
 
-A current profiler's velocity is a mean over about a minute, so inputs are means over that time,
-centred, one sample for each of the profiler's. The same is done to simulated missions, whose truth
-is known at every sample.
+A current profiler's velocity is a mean over about a minute. So inputs are centred means over a
+minute, one for each of the profiler's samples. Simulated missions are averaged in the same way.
 """
 
 from __future__ import annotations
@@ -17,36 +16,36 @@ from twin.navigation.dead_reckoning import Array
 from twin.navigation.features import feature_matrix, select_features
 
 AVERAGE = 60.0
-"""[s] that inputs are averaged over"""
+"""[s] Averaging time of inputs"""
 LEAST_DEPTH = 5.0
-"""[m] shallower a profiler's inverse solution is pulled to the constraint at the surface"""
+"""[m] Least depth of samples; above, a constraint binds the profiler's solution to the surface"""
 GLIDER = select_features(
     ("attitude", "depth_rate", "depth_rate_slow", "glide_speed", "glide_speed_slow", "pump")
 )
-"""Inputs that need nothing but a log; the battery, whose zero differs from vehicle to vehicle, is
-left out."""
+"""Inputs that every log has; the battery is left out, because its zero differs from vehicle to
+vehicle."""
 TWIN = ("twin_level", "twin_sink", "twin_rise", "twin_net_mass")
-"""Inputs of the identified flight model: horizontal speed, downward speed, depth rate less that
-[m/s] and net buoyancy [kg]."""
+"""Inputs of the identified flight model: horizontal speed, downward speed, depth rate minus
+downward speed [m/s]; net buoyancy [kg]"""
 PENALTY = 10.0
-"""Squared weights count so much against squared errors [deviations]; results hardly change from 1
-to 30."""
+"""Weight of squared coefficients relative to squared errors, in standard deviations; results hardly
+change from 1 to 30."""
 MOST = 4.0
-"""Deviations at which inputs are cut off: the square of an outlier would rule the prediction."""
+"""[standard deviations] Limit of inputs: the square of an outlier would dominate the prediction"""
 
 
 @dataclasses.dataclass(frozen=True)
 class Samples:
-    """One dive."""
+    """Samples of one dive."""
 
     row: int
     inputs: dict[str, Array]
-    """By name, each (samples,)."""
+    """Inputs by name, each (samples,)"""
     level: Array
-    """[m/s] true horizontal velocity through the water along the heading, (samples,)"""
+    """[m/s] True horizontal velocity through the water along the heading, (samples,)"""
 
     def matrix(self, names: Sequence[str]) -> Array:
-        """Inputs (samples, names)."""
+        """Matrix of the named inputs, (samples, names)."""
         return np.stack([self.inputs[name] for name in names], axis=1)
 
 
@@ -56,10 +55,10 @@ def level_speed(surge: Array, sway: Array, heave: Array, roll: Array, pitch: Arr
 
 
 def sample(log: Log, calibration: Calibration, times: Array, level: Array) -> Samples:
-    """Inputs of one dive at times [s] since its first sample.
+    """Average the inputs of one dive at times [s] since its first sample.
 
     Args:
-      level: truth at these times.
+      level: [m/s] truth at these times.
     """
     signals = {
         "measured_depth": log.depth, "measured_pitch": np.rad2deg(log.pitch),
@@ -101,13 +100,13 @@ def ridge(train: Array, wanted: Array, test: Array, *, penalty: float = PENALTY)
     scale = np.where(scale > 0.0, scale, 1.0)
     x, y = (_products(np.clip((v - mean) / scale, -MOST, MOST)) for v in (train, test))
     weights = penalty * np.eye(x.shape[1])
-    weights[-1, -1] = 0.0  # the constant is free
+    weights[-1, -1] = 0.0  # no penalty on the constant
     solved = np.linalg.solve(x.T @ x + weights, x.T @ wanted)
     return np.asarray(y @ solved, float)
 
 
 def _products(x: Array) -> Array:
-    """Columns, products of any two of them, and a constant."""
+    """Append to columns the products of any two, and a constant."""
     count = x.shape[1]
     pairs = [x[:, i] * x[:, j] for i in range(count) for j in range(i, count)]
     return np.column_stack([x, *pairs, np.ones(len(x))])

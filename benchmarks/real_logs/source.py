@@ -1,4 +1,4 @@
-"""Source: the logs of a folder, imported, and the truth that stands beside them as recorded."""
+"""Source: imported logs of a folder, and the tables of truth beside them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from twin.records.logged import LogStore
 from twin.records.store import write_store
 
 KINDS = ("slocum", "seaglider", "seaexplorer")
-"""Kinds of logs, first words of the folders' names"""
+"""Types of logs: first words of the folders' names"""
 NOT_JUDGED = {
     "lrauv": "a propelled vehicle without attitude in its shore logs: "
     "benchmarks/real_logs/yo_yos.py sets its depth rates beside its twin's",
@@ -30,20 +30,20 @@ TABLES = frozenset({".csv", ".gz", ".parquet"})
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Deployment:
-    """The dives of one vehicle in an imported store."""
+    """Dives of one vehicle in an imported store."""
 
     name: str
     kind: str
     folder: Path
     store: Path
     rows: tuple[int, ...]
-    """Of the store, in order of time."""
+    """Rows of the store, in order of time"""
     starts: tuple[float, ...]
-    """[s] unix time of each row's first sample."""
+    """[s] Unix time of each row's first sample"""
     ends: tuple[float, ...]
 
     def logs(self, rows: Sequence[int] | None = None) -> list[Log]:
-        """What identification reads of these rows; rows without a dive are left out."""
+        """Read these rows for identification; rows without a dive are left out."""
         return load_logs(self.store, list(self.rows if rows is None else rows))
 
     def clock(self, log: Log) -> Array:
@@ -54,7 +54,7 @@ class Deployment:
 
 @dataclasses.dataclass(frozen=True)
 class Skipped:
-    """A folder, or a part of it, that is not judged."""
+    """Folder or deployment that is not scored."""
 
     name: str
     why: str
@@ -66,12 +66,12 @@ def gather(
     """Import every folder of logs below `root` into stores below `work`.
 
     Args:
-      root: laid out as folders whose names begin with the kind of log.
+      root: folder of folders whose names begin with the type of log.
       work: an existing folder for the stores.
-      say: told what is being imported.
+      say: called with a text about each import.
 
     Raises:
-      InputError: no such folder, or none of logs in it.
+      InputError: no such folder, or no folder of logs in it.
     """
     if not root.is_dir():
         raise InputError(f"no folder {root}; give one that holds slocum_..., seaglider_... folders")
@@ -98,14 +98,14 @@ def gather(
 
 
 def logs_folder(folder: Path) -> Path:
-    """The folder itself, or its folder `raw` where it holds nothing else."""
+    """Return the folder, or its folder `raw` if it holds nothing else."""
     raw = folder / "raw"
     lone = raw.is_dir() and not any(path.suffix in TABLES for path in folder.iterdir())
     return raw if lone else folder
 
 
 def imported(folder: Path, kind: str, work: Path) -> list[Deployment]:
-    """The deployments of one folder; errors as `import_logs`."""
+    """Import the deployments of one folder; errors are those of `import_logs`."""
     dataset, report = import_logs(kind, [folder])
     named = folder.parent if folder.name == "raw" else folder
     store = work / f"{named.name}.zarr"
@@ -117,7 +117,7 @@ def imported(folder: Path, kind: str, work: Path) -> list[Deployment]:
     deployments = []
     powered = {log.index for log in load_logs(store) if log.powered}
     for name in dict.fromkeys(names):
-        # a thruster's dive is no glide, and `twin identify` leaves it out too
+        # dives with a thruster are no glides; `twin identify` leaves them out too
         rows = np.array([r for r in np.flatnonzero(names == name) if r not in powered], int)
         if not rows.size:
             continue
@@ -131,7 +131,7 @@ def imported(folder: Path, kind: str, work: Path) -> list[Deployment]:
 def tables_with(deployment: Deployment, *columns: str) -> list[Table]:
     """Tables of the deployment's folder with these columns, whose times its rows overlap.
 
-    Where the name of a table begins with another deployment's name, it is that one's.
+    A table whose name begins with another deployment's name belongs to that deployment.
     """
     found = []
     for path in sorted(deployment.folder.iterdir()):
@@ -140,7 +140,7 @@ def tables_with(deployment: Deployment, *columns: str) -> list[Table]:
         try:
             table = read_table(path)
         except InputError:
-            continue  # the import has said so
+            continue  # the import has reported the table
         if not table.has("time", *columns):
             continue
         if "glider" in table.texts:
@@ -154,5 +154,5 @@ def tables_with(deployment: Deployment, *columns: str) -> list[Table]:
 
 
 def at_times(clock: Array, values: Array, times: Array) -> Array:
-    """Values on the grid interpolated to times; NaN outside it."""
+    """Interpolate values from a clock to other times; NaN outside the clock."""
     return np.interp(times, clock, values, left=np.nan, right=np.nan)

@@ -1,8 +1,8 @@
-"""Surge networks: trained on simulation, on real dives, and on one after the other.
+"""Surge networks: ensembles trained on simulation, on real dives, and on one after the other.
 
-Small memoryless-or-recurrent ensembles of the run's own networks, one sample a minute
-(`benchmarks.real_logs.samples`). With ten dives to learn from, what keeps them from learning dives
-by heart is their size, early stopping on a dive of their own and the mean over members.
+The networks are small and have one sample a minute (`benchmarks.real_logs.samples`). With ten dives
+to train on, three things prevent overfitting: their size, early stopping on a dive of each member's
+own, and the mean over members.
 """
 
 from __future__ import annotations
@@ -42,41 +42,41 @@ INPUTS: dict[str, tuple[str, ...]] = {
     "": tuple(name for name in GLIDER if name != "pump"),
     "twin ": (*(name for name in GLIDER if name != "pump"), *TWIN),
 }
-"""Inputs of the two kinds of networks, by the beginning of their names."""
+"""Inputs of the two kinds of networks, by the beginning of their names"""
 ZERO_SHOT = {"": "network, zero shot", "twin ": "network on the twin, zero shot"}
-"""Names of the two kinds in tables."""
+"""Names of the two kinds of networks without real training, in tables"""
 NETWORK = NetworkConfig(kind="elman", hidden=16, layers=2, delays=2)
 MEMBERS = 3
 SIMULATED = TrainingConfig(seconds=0.0, epochs=250, window=32, washin=8, batch=16, validations=25)
 REAL = TrainingConfig(seconds=0.0, epochs=120, window=32, washin=8, batch=16, validations=30)
 TUNED = dataclasses.replace(REAL, epochs=100, rate=2e-3)
-"""After simulation: gentler, so that what it taught is kept where real dives say nothing."""
+"""Training on real dives after simulation: fewer, smaller steps keep what the simulation taught"""
 HOURS = 24.0
-"""[h] of simulated missions, of all vehicles together"""
+"""[h] Duration of all simulated missions together"""
 PERIOD = 5.0
-"""[s] that they are thinned to, the period of an imported Seaglider"""
+"""[s] Sample period of the simulated missions, that of an imported Seaglider"""
 SPREAD = {
     "vehicle.k_d0": "loguniform(0.6, 1.7)",
     "vehicle.k_d": "loguniform(0.6, 1.7)",
     "vehicle.k_alpha": "loguniform(0.7, 1.4)",
 }
-"""The simulated vehicles differ so much from their files; their missions are those of each kind."""
+"""Distributions of the simulated vehicles' coefficients, as factors on their files"""
 VEHICLES = ("slocum-200", "seaglider")
 RECIPE_SEED = 7
-"""Of the simulated missions, to which the benchmark's seed is added"""
+"""Seed of the simulated missions, to which the benchmark's seed is added"""
 PHASES = 2
-"""Times that each simulated mission is sampled, shifted against each other."""
+"""Number of shifted series of samples from each simulated mission"""
 LEAST_SAMPLES = 8
-"""Of a simulated mission that is worth learning from."""
+"""Fewest samples of a simulated mission for training"""
 TOGETHER = 8
-"""Simulated missions that one process prepares at once."""
+"""Number of simulated missions that one process prepares at once"""
 HELD_OUT = 5
-"""Every so many-th simulated mission validates."""
+"""Every fifth simulated mission is for validation"""
 
 
 def simulate(folder: Path, *, seed: int = 0, workers: int | None = None) -> list[Path]:
-    """Fly the missions that networks are trained on before they see real dives; a store for each
-    of `VEHICLES`."""
+    """Simulate missions that networks are trained on before real dives; one store for each of
+    `VEHICLES`."""
     stores = []
     for vehicle in VEHICLES:
         recipe = make_recipe(
@@ -116,10 +116,10 @@ def missions_together(store: Path) -> list[list[int]]:
 
 
 def simulated_samples(store: Path, missions: Sequence[int]) -> list[Samples]:
-    """The missions of a simulated store as the networks see real dives.
+    """Samples of simulated missions, in the form of real dives.
 
-    The twin's inputs come from a nominal vehicle whose trim and drag are identified on each
-    mission, as on real ones.
+    Inputs by the twin come from a nominal vehicle with trim and drag identified on each mission, as
+    for real dives.
     """
     names = ("true_surge", "true_sway", "true_heave", "true_roll", "true_pitch")
     with open_store(store) as dataset:
@@ -133,7 +133,7 @@ def simulated_samples(store: Path, missions: Sequence[int]) -> list[Samples]:
         try:
             own = identify([log], nominal, parameters=("neutral_density", "drag"), fixes=False)
         except InputError:
-            continue  # too short, or always turning: nothing to identify
+            continue  # too short, or always turning: the vehicle cannot be identified
         clock = log.period * np.arange(length)
         for phase in range(PHASES):
             times = np.arange(AVERAGE * (0.5 + phase / PHASES), clock[-1] - 0.5 * AVERAGE, AVERAGE)
@@ -145,11 +145,11 @@ def simulated_samples(store: Path, missions: Sequence[int]) -> list[Samples]:
 
 
 Pretrained = dict[str, list[Predictor]]
-"""Members by the kind of inputs."""
+"""Members of an ensemble, by the kind of inputs"""
 
 
 def pretrain(dives: Sequence[Samples], kind: str, member: int, seed: int = 0) -> Predictor:
-    """Train one network on simulation; every fifth mission judges when to stop."""
+    """Train one network on simulation; validation missions stop the training."""
     missions = sorted({dive.row for dive in dives})
     held = set(missions[member % HELD_OUT :: HELD_OUT])
     train = [dive for dive in dives if dive.row not in held]
@@ -166,7 +166,7 @@ def fit_network(
     seed: int,
     start: Predictor | None = None,
 ) -> Predictor:
-    """Train one network; from weights and scales of `start` when there is one."""
+    """Train one network, from the weights and scales of `start` if given."""
     if start is None:
         fitted = NormalisationFit(inputs, "surge")
         for dive in train:
@@ -195,16 +195,16 @@ def _sequences(dives: Sequence[Samples], scales: Normalisation) -> Sequences:
 
 
 def predict(predictor: Predictor, dives: Sequence[Samples]) -> list[Array]:
-    """Surge [m/s] of each dive."""
+    """Predict the surge [m/s] of each dive."""
     scales = predictor.normalisation
     runs = free_run(predictor.network, _sequences(dives, scales).inputs)
     return [scales.target_scale * run.astype(float) + scales.target_mean for run in runs]
 
 
 def level_of(log: Log, calibration: Calibration, pretrained: Pretrained, kind: str) -> Array:
-    """Horizontal speed [m/s] along the heading, (time,), zero shot; mean over members.
+    """Predict the horizontal speed [m/s] along the heading, (time,), without real training.
 
-    One prediction a minute, straight lines between.
+    The prediction is the members' mean, once a minute, interpolated in between.
     """
     clock = log.period * np.arange(len(log.depth), dtype=np.float64)
     times = np.arange(0.5 * AVERAGE, max(clock[-1], AVERAGE), AVERAGE)
@@ -222,7 +222,7 @@ def fit_member(
     seed: int,
     start: Predictor | None = None,
 ) -> Predictor:
-    """One member trained on real dives, stopped early on one of its own."""
+    """Train one member on real dives; a dive of its own stops the training early."""
     held = (seed + 1 + member * len(train) // MEMBERS) % len(train)
     rest = [dive for k, dive in enumerate(train) if k != held]
     return fit_network(
@@ -231,7 +231,7 @@ def fit_member(
 
 
 def mean_of(predictors: Sequence[Predictor], dives: Sequence[Samples]) -> list[Array]:
-    """Surge [m/s] of each dive, mean over members."""
+    """Predict the surge [m/s] of each dive, as the members' mean."""
     runs = [predict(one, dives) for one in predictors]
     return [np.mean([run[k] for run in runs], axis=0) for k in range(len(dives))]
 
@@ -239,7 +239,7 @@ def mean_of(predictors: Sequence[Predictor], dives: Sequence[Samples]) -> list[A
 def predict_dive(
     train: Sequence[Samples], tests: Sequence[Samples], pretrained: Pretrained, seed: int
 ) -> dict[str, list[Array]]:
-    """Surge [m/s] of the test dives by every kind of network, means over members."""
+    """Predict the surge [m/s] of test dives by every kind of network, as members' means."""
     found: dict[str, list[Array]] = {}
     for kind in INPUTS:
         first = pretrained[kind]

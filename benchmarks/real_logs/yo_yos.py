@@ -1,14 +1,14 @@
-"""Depth rates of yo-yos: a vehicle's logs beside its twin.
+"""Yo-yos: depth rates in a vehicle's logs, compared with its twin.
 
     factory import lrauv FOLDER --out shore.zarr
     python -m benchmarks.real_logs.yo_yos shore.zarr [--vehicle tethys] [--pitch 10 15 20]
         [--speed 1] [--json]
 
-A leg is a descent or climb between two turns of the depth by more than 5 m; its rate is the depth
-between its ends over the time between them, inflections included. Legs that the log holds for less
-than nine tenths are left out. The twin flies a saw-tooth between the medians of the logs' own
-turning depths, at each pitch and at one speed through the water, in still water. Logs without
-attitude do not say their pitch: that at which the twin has the logs' rates is interpolated.
+A leg is a descent or climb between two turns of the depth by more than 5 m; its rate is the
+change of depth divided by the duration, inflections included. Legs with less than nine tenths of
+their samples are left out. The twin flies a saw-tooth between the median turning depths of the
+logs, at each pitch and at one speed through the water, in still water. For logs without attitude,
+the pitch at which the twin has the logs' rates is interpolated.
 """
 
 from __future__ import annotations
@@ -30,24 +30,24 @@ from twin.records.logged import LogStore
 Array = NDArray[np.float64]
 
 KNOWN = 0.9
-"""Part of a leg's samples that must be near original ones"""
+"""[1] Least fraction of a leg's samples near original ones"""
 YOS = 3.0
-"""Dives that the twin flies at each pitch; the first begins at the surface and is left out"""
+"""Number of dives of the twin at each pitch; the first starts at the surface and is left out"""
 
 
 @dataclasses.dataclass(frozen=True)
 class Rates:
-    """Depth rates [m/s] of legs, sizes, and their turning depths."""
+    """Depth rates [m/s] of legs, in size, and their turning depths."""
 
     down: Array
     up: Array
     top: float
-    """[m] median of the shallow ends"""
+    """[m] Median depth of the shallow ends"""
     bottom: float
-    """[m] median of the deep ends"""
+    """[m] Median depth of the deep ends"""
 
     def row(self, name: str) -> dict[str, object]:
-        """For a table or a program."""
+        """Row of a table or of JSON."""
         found: dict[str, object] = {"of": name}
         for way, values in (("down", self.down), ("up", self.up)):
             if not values.size:
@@ -63,7 +63,7 @@ def rates(dives: Sequence[tuple[Array, float]], skip: int = 0) -> Rates:
     """Rates of the legs of some dives.
 
     Args:
-      dives: depth [m], NaN where it is not known, and period [s] of each.
+      dives: depth [m], NaN where unknown, and sample period [s] of each dive.
       skip: legs at the beginning of each dive that do not count.
     """
     down, up, tops, bottoms = [], [], [], []
@@ -85,7 +85,7 @@ def rates(dives: Sequence[tuple[Array, float]], skip: int = 0) -> Rates:
 
 
 def logged(store: Path) -> Rates:
-    """Rates of all dives of a store of logs."""
+    """Rates of all dives in a store of logs."""
     with LogStore(store) as logs:
         dives = []
         for mission in range(len(logs)):
@@ -113,11 +113,11 @@ def flown(vehicle: str, pitch_deg: float, speed: float, top: float, bottom: floa
 
 
 SHALLOWEST = 2.0
-"""[m] A vehicle that logs its turns at the surface turns just below it in the twin."""
+"""[m] Least turning depth of the twin, also if the log turns at the surface"""
 
 
 def matching_pitch(pitch: Sequence[float], have: Sequence[float], wanted: float) -> float:
-    """Pitch [degree] at which a rate [m/s] is the wanted one; NaN outside those flown."""
+    """Interpolate the pitch [degree] with a wanted rate [m/s]; NaN outside the flown pitches."""
     order = np.argsort(have)
     rate, angle = np.asarray(have)[order], np.asarray(pitch)[order]
     return float(np.interp(wanted, rate, angle, left=math.nan, right=math.nan))
@@ -134,7 +134,7 @@ def main(
     """Print the rates of the logs and of the twin, and its pitch at the logs' rates.
 
     Args:
-      speed: [m/s] through the water.
+      speed: [m/s] speed through the water.
     """
     real = logged(store)
     twins = [flown(vehicle, one, speed, real.top, real.bottom) for one in pitch]

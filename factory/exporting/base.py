@@ -49,7 +49,7 @@ class ExportOptions:
 
 
 Writer = Callable[..., "list[Path]"]
-"""Function of a `MissionStore`, missions, a path, an `Advance` and, where the format `takes` any
+"""Function of a `MissionStore`, missions, a path, an `Advance` and, if the format `takes` any
 option, `ExportOptions`.
 
 It writes the chosen missions of the store to a file that does not exist yet, or into an empty
@@ -68,7 +68,7 @@ class Exporter:
     title: str
     """Description of the output, in a few words for help texts and documents."""
     ending: str
-    """Ending after the store's name where the user names no target: `.parquet`, `-og1`. An ending
+    """Ending after the store's name if the user names no target: `.parquet`, `-og1`. An ending
     that begins with a dot makes a file, another one a folder."""
     write: Writer | str
     """Writer, or its place `module:function`, which is imported when it writes."""

@@ -3,8 +3,8 @@
 A task flies the missions of a shard and encodes each into files of a temporary folder. The task
 then moves the files into the tree of the job, and writes the marker when all files are on the disk.
 A shard without a marker is flown again. Two processes that fly one shard at once make the same
-bytes. If a mission fails, its parameters are sampled again for the next attempt, so the mission's
-number alone decides its bytes.
+bytes. If a mission fails, its parameters are sampled again with the seed of the next attempt; its
+number and the recipe still decide its bytes.
 """
 
 from __future__ import annotations

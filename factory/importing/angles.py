@@ -1,4 +1,4 @@
-"""Angles of a log: their unit, and the magnetic declination where the log has none.
+"""Angles of a log: their unit, and the magnetic declination if the log has none.
 
 Units are used as declared, or inferred from a glider's possible angles. The declination is IGRF's.
 """

@@ -33,7 +33,7 @@ _NEAR = 120.0
 _SHARE, _LEAST = 0.5, 5
 """Fraction, and number, of fixes under water beyond which the clocks are suspect."""
 _QUARTER, _SHIFTS = 900.0, 96
-"""[s] Step of the clock differences tried, as of time zones, and number of steps either way."""
+"""[s] Step of the clock differences that are tried (time zones); number of steps, each sign."""
 _FITS = 0.9
 """Fraction of the fixes that a clock difference must bring to the surface to be reported."""
 QUALITIES = ("quality", "fix_quality", "gps_quality")

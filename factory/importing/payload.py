@@ -84,7 +84,7 @@ def parse_payload(words: Sequence[str]) -> tuple[PayloadSignal, ...]:
             )
         name, source, units = match["name"], (match["source"],), match["units"]
         signal = f"measured_{name}"
-        if signal in _OTHERS:
+        if signal in _STORE_SIGNALS:
             raise InputError(
                 f"payload {word!r}: {signal} is a signal of every store; choose another name"
             )
@@ -97,7 +97,7 @@ def parse_payload(words: Sequence[str]) -> tuple[PayloadSignal, ...]:
     return tuple(found)
 
 
-_OTHERS = frozenset(VARIABLES)
+_STORE_SIGNALS = frozenset(VARIABLES)
 """Signals of every store, which no payload may replace."""
 
 

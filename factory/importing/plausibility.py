@@ -184,7 +184,7 @@ class DiveRules:
     min_duration: float = 60.0
     """[s] Shorter dives are left out and counted."""
     surface_depth: float = 1.5
-    """[m] Shallower samples count as at the surface where no fix shows it."""
+    """[m] Shallower samples count as at the surface if no fix shows it."""
     longest_gap: float = 3600.0
     """[s] Without fixes, a longer gap in depth and attitude ends a row. A longer gap in the fixes
     interrupts a surface interval."""

@@ -222,7 +222,7 @@ def to_dbar(
 def with_dbar_by_depth(
     channels: dict[str, Channel], tally: Tally, deployment: str
 ) -> dict[str, Channel]:
-    """Check a declared pressure against the depth of the same log; correct it where a unit fits."""
+    """Check a declared pressure against the depth of the same log; correct it if a unit fits."""
     pressure, depth = (channels.get(n, EMPTY) for n in ("measured_pressure", "measured_depth"))
     if not len(pressure) or not len(depth):
         return channels
@@ -295,7 +295,7 @@ _AFLOAT, _SEEN = 0.3, 0.2
 def without_air(
     time: Array, values: Array, unit: str, subject: str, tally: Tally, *, deployment: str = ""
 ) -> Array:
-    """Subtract the air's pressure, in the declared unit; NaN where no unit is possible.
+    """Subtract the air's pressure, in the declared unit; NaN if no unit is possible.
 
     Recordings begin or end at the surface, where an absolute pressure equals the air's. A lower
     pressure is in another unit, or excludes the air's pressure already.

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 PRACTICAL = "psu"
 """Practical salinity: files write 35 in units of `1`, `psu` or `1e-3`, and 0.035 in kg/kg."""
 _BASES = {PRACTICAL: "1e-3", "A h": "A.h"}
-"""UDUNITS' names of units of a store, where they differ."""
+"""UDUNITS' names of a store's units, if they differ."""
 _NOTHING = frozenset(
     {"", "-", "--", "?", "none", "null", "nan", "n/a", "na", "unknown", "undefined", "unset",
      "no_unit", "nodim", "tbd"}
@@ -186,12 +186,12 @@ def converted(
     native: Mapping[str, str] = MappingProxyType({}),
     deployment: str = "",
 ) -> dict[str, Array]:
-    """Convert the columns that are in `wanted`; leave out those of another quantity.
+    """Convert the columns that `wanted` names; leave out columns of another quantity.
 
     Args:
       columns: by name, as the file has them.
       units: units that the file declares, by name.
-      native: units of the format where they differ from the wanted ones.
+      native: units of the format if they differ from the wanted ones.
     """
     found: dict[str, Array | None] = dict(columns)
     for name in [one for one in columns if one in wanted]:
@@ -271,7 +271,7 @@ def _readings(unit: str, wanted: str) -> list[str]:
 
 @functools.lru_cache(maxsize=1024)
 def _conversion(unit: str, wanted: str) -> tuple[float, float] | str:
-    """Factor and zero of a unit in the wanted one; else its quantity's unit, "" if unknown."""
+    """Factor and offset from a unit to the wanted one; if impossible, its quantity's unit or ""."""
     base = _unit(_BASES.get(wanted, wanted))
     other = ""
     for text in _readings(unit, wanted):
@@ -313,21 +313,21 @@ def _quantity(unit: Any) -> str:
 
 
 def _round(value: float) -> float:
-    """Round a conversion's number, where this removes only the library's rounding error."""
+    """Round a conversion's number if this removes only the library's rounding error."""
     short = float(f"{value:.12g}")
     return short if abs(short - value) <= 1e-14 * abs(value) else value
 
 
 _LITRES = 5.0
-"""[cm3] Least range of a pump in a log; a smaller range is in litres, a thousandth of it in m3."""
+"""[cm3] Least range of a pump; a smaller number must be litres, or m3 if below 0.005."""
 _STILL = 1e-5
-"""Least range of a pump that shows its unit."""
+"""[m3] Least range from which the unit is inferred; a smaller one is an idle pump."""
 _LARGEST_PUMP = 3000.0
 """[cm3] Largest volume; values beyond it are sentinels and do not count."""
 
 
 def to_cm3(values: Array, subject: str, tally: Tally) -> Array:
-    """Pumped volume in cm3 where no unit is declared; its range shows litres and m3."""
+    """Convert a pumped volume without a unit to cm3; its range shows litres and m3."""
     good = values[np.isfinite(values)]
     good = good[np.abs(good) <= _LARGEST_PUMP]
     span = float(np.ptp(np.percentile(good, [1.0, 99.0]))) if good.size >= 20 else 0.0

@@ -2,8 +2,8 @@
 
 In a simulated store the truth is known, and it is the default. A real vehicle has at best a Doppler
 log. In water lock the log measures the velocity through the water, and in bottom lock the velocity
-over ground. A known current (from a profiler or mooring nearby, or zero in a basin) turns the
-latter into a label. Samples without a label are not trained on.
+over ground. A known current (from a profiler or mooring nearby, or zero in a basin) turns a
+velocity over ground into a label. Samples without a label are not trained on.
 """
 
 from __future__ import annotations

@@ -99,8 +99,8 @@ class LogReference:
         )
 
     def moved(self, estimate: Estimate) -> Array | None:
-        """[m] Displacement through the water over the row by an estimate, north and east, (2,);
-        None without its velocities or without depth."""
+        """[m] Displacement through the water during the row by an estimate, north and east, (2,);
+        None if velocities or depth are missing."""
         if estimate.surge is None or estimate.sway is None or self.depth_rate is None:
             return None
         velocity = horizontal_velocity(

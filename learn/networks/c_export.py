@@ -87,7 +87,7 @@ def c_header(
     flight, flight_state, outside = "", "", ""
     held = networks["surge"].tether is not None
     tether_state = (
-        "    float lasting; /* off the flight filter, in the mean of a minute */\n" * held
+        "    float lasting; /* mean difference from the flight filter over a minute */\n" * held
     )
     if set(read.channels) & set(ESTIMATED):
         if vehicle is None:
@@ -112,7 +112,7 @@ def c_header(
  *     ... one sample every {period:g} s, from the launch on:
  *     if (glider_step(&state, &sample, &velocity)) ...
  *
- * Do not compile it with -ffast-math: it has to know a value that is not finite.
+ * Do not compile it with -ffast-math: the code tests for values that are not finite.
  */
 #ifndef GLIDER_VELOCITY_H
 #define GLIDER_VELOCITY_H
@@ -127,20 +127,20 @@ typedef struct {{
 {sample}
 }} glider_sample;
 
-/* Through the water, body axes. */
+/* Velocity through the water, in body axes. */
 typedef struct {{
     float surge; /* [m s-1] forward */
     float sway;  /* [m s-1] to starboard */
-    /* [m s-1] either way, within which 68 % of their errors are said to be; INFINITY: not known */
+    /* [m s-1] half width of the interval that holds 68 % of the errors; INFINITY: not known */
     float surge_deviation, sway_deviation;
 }} glider_velocity;
 
-/* All that the next step depends on; it may be copied and kept as bytes. */
+/* State that the next step depends on; it may be copied and stored as bytes. */
 typedef struct {{
     float window[{read.windows}];
-    float last[{len(measured)}], age[{len(measured)}]; /* of every channel: the last good value */
+    float last[{len(measured)}], age[{len(measured)}]; /* last good values and their ages */
 {flight_state}{tether_state}    int count;
-    int held; /* channels whose last good value stands for the sample's */
+    int held; /* number of channels whose last good value replaced the sample's */
 {states}
 }} glider_state;
 
@@ -150,7 +150,7 @@ typedef struct {{
 {C_PRELUDE}
 {flight}{read.functions}
 {functions}
-/* Begin before the first sample, at the launch. */
+/* Resets the state to that before the first sample; call it at the launch. */
 static inline void glider_reset(glider_state *state) {{ memset(state, 0, sizeof *state); }}
 
 {outside}{_step(networks, read, len(features), period)}
@@ -229,8 +229,8 @@ def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int, period:
         ]
     )
     return f"""\
-/* One sample: 1, or 0 until every channel has had a good value; velocity is then as it was. What is
- * not finite, impossible or out of reach gives way to the last good value: state->held channels. */
+/* Processes one sample. Returns 1; or 0, without a velocity, until every channel had a good value.
+ * A value that is not finite, impossible or out of reach is replaced by the last good value. */
 static inline int glider_step(glider_state *state, const glider_sample *sample,
                               glider_velocity *velocity)
 {{

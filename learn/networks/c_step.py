@@ -19,8 +19,8 @@ from torch import Tensor, nn
 from twin.navigation.c_math import table
 
 PRELUDE = """\
-/* out (rows) += weight (columns, rows) in (columns), four columns at a time: sums are then loaded
- * and stored a quarter as often. */
+/* out (rows) += weight (columns, rows) in (columns). Four columns at a time load and store the sums
+ * a quarter as often. */
 static inline void gt_add(float *out, const float *weight, const float *in, int columns, int rows)
 {
     for (; columns >= 4; columns -= 4, weight += 4 * rows, in += 4)
@@ -49,7 +49,7 @@ static inline void gt_silu(float *v, int count)
         v[i] *= gt_sigmoid(v[i]);
 }
 
-/* By Lambert's continued fraction near zero, where the other loses its digits. */
+/* Near zero, Lambert's continued fraction: the formula with gt_exp would lose digits there. */
 static inline float gt_tanh(float v)
 {
     const float q = v * v;
@@ -68,7 +68,7 @@ static inline void gt_tanhs(float *v, int count)
         v[i] = gt_tanh(v[i]);
 }
 
-/* A row goes in behind the oldest first; the oldest goes out. */
+/* Drops the oldest row, which is the first, and appends a new one. */
 static inline void gt_append(float *rows, int count, int width, const float *row)
 {
     memmove(rows, rows + width, (size_t)((count - 1) * width) * sizeof *rows);

@@ -134,7 +134,7 @@ class Familiarity:
         """C99 code of `float glider_outside(const glider_state *state)`, the score of `outside`,
         for constants in units of the prior standard deviations `prior` (7,)."""
         return f"""\
-/* How far the hull is outside of those of the training: above 1 it is. */
+/* Out-of-distribution score of the hull: above 1, it is unlike the hulls of the training. */
 static inline float glider_outside(const glider_state *state)
 {{
     {table("mean", self.mean / prior)}

@@ -21,7 +21,7 @@ class Gated(Network):
     """Number of blocks, one per gate, in a layer's weights."""
     c_units: ClassVar[str]
     """C statements that update output `h[i]` and cell `c[i]` of unit i of `hidden`. `own` and `fed`
-    hold each gate's sum over the layer's inputs and over its last outputs."""
+    hold each gate's weighted sums of the layer's inputs and of its last outputs."""
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__(config)

@@ -281,7 +281,7 @@ class Ensemble:
         return None if self.adapted is None else self.adapted.start
 
     def _corrected(self, mean: Floats, mission: MissionSequence) -> Floats:
-        """Apply the bias limit to the mean, and mix in the second filter's surge where an adapted
+        """Apply the bias limit to the mean, and mix in the second filter's surge if an adapted
         vehicle glides steadily."""
         if self.target != "surge":
             return mean

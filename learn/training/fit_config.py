@@ -1,6 +1,6 @@
 """Fit config: all settings that decide a run's result, and the training jobs of its networks.
 
-`fit_settings` completes the settings that a user gave with a resumed run's and the defaults.
+`fit_settings` takes the settings that a user did not give from a resumed run, else the defaults.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class FitConfig:
     training: TrainingConfig = dataclasses.field(default_factory=TrainingConfig)
     """Settings of the training; its seed is the first network's, the others' seeds follow."""
     members: int = 1
-    """Networks per velocity; their standard deviation measures the error."""
+    """Networks per velocity; the standard deviation of their outputs estimates the error."""
     division: Division = "missions"
     """`missions`: the store's split. `samples`: the paper's random 70/15/15, which leaks."""
     mirror: bool = True
@@ -62,7 +62,7 @@ class FitConfig:
     more_stores: tuple[str, ...] = ()
     """Paths of further stores to train on."""
     hulls: str = ANY
-    """Range of hulls in the training, a key of `twin.navigation.flight_filter.HULLS`"""
+    """Prior knowledge of the hulls for the flight filter: a key of its `HULLS`"""
 
     def __post_init__(self) -> None:
         if self.members < 1:
@@ -267,7 +267,7 @@ def _absolute(store: str | StorePath) -> StorePath:
 
 
 def _same_places(stores: Stores, base: FitConfig) -> tuple[str, ...]:
-    """Paths of the stores as in the settings, if another path leads to the same folder."""
+    """Paths of the stores; a path to a folder of the settings' stores is replaced by theirs."""
     known = {_absolute(store): store for store in base.stores}
     return tuple(known.get(_absolute(store), str(store)) for store in stores)
 

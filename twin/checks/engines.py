@@ -54,8 +54,8 @@ class Steps:
     lanes_error: Difference
     """Lanes at that step against a FINER one: the largest of each figure."""
     falls: dict[str, float]
-    """Ratio by engine, median: change of RMS speed from this step to half of it, over that from
-    half to a quarter. Four means order 2."""
+    """Median ratio by engine: change of RMS speed from this step to half of it, divided by the
+    change from half to a quarter. Four means order 2."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -190,7 +190,7 @@ def check_engines(
 def _fly(
     vehicle: Vehicle, seeds: Sequence[int], engine: str, *, threads: int, part: int = 1
 ) -> list[Trajectory | None]:
-    """Fly manoeuvres by an engine at 1 / `part` of the vehicle's step; None where unstable."""
+    """Fly manoeuvres by an engine at 1 / `part` of the vehicle's step; None if unstable."""
     step = file_timestep(vehicle) / part
     scenarios = [
         draw_manoeuvre(vehicle, seed).scenario(

@@ -57,13 +57,13 @@ SLOW, FAST = 0.3, 3.0
 ROLLS = 3.0
 """[1] Factor on roll rates: a hull's diameter is small, so it rolls faster than it pitches."""
 STEP = 0.3
-"""[1] Step over the time of the fastest decay; Runge-Kutta's energy is then right to 1e-6."""
+"""[1] Step as a fraction of the fastest decay time; Runge-Kutta's energy is then right to 1e-6."""
 ROUNDS, RENEWED = 320, 16
 """Largest number of steps in a decay, and of steps until their length is chosen anew."""
 SPENT = 0.5
 """[1] Fraction of the initial energy below which a decay ends."""
 LARGEST_GAIN = 1e-5
-"""[1] Largest gain over the initial energy that counts as rounding of the integration."""
+"""[1] Largest gain, as a fraction of the initial energy, that counts as rounding."""
 DEEP = 1e3
 """[m] Depth of every part."""
 PLACED = 5
@@ -79,7 +79,7 @@ class Decay:
     motion: str
     """Initial motion in words: direction, spin, speed."""
     gain: float
-    """Largest energy over the initial one, minus one [1]; 0: it never rose."""
+    """Largest energy divided by the initial one, minus 1 [1]; 0: the energy never rose."""
 
     @property
     def ok(self) -> bool:
@@ -128,7 +128,7 @@ def _starts(vehicle: Vehicle) -> Iterator[tuple[str, Array]]:
 def energy_gains(
     vehicle: Vehicle, starts: Array, model: str, positions: Array | None = None
 ) -> Array:
-    """Largest energy over the initial one, minus one, of each decay; shape (n,), 0 or more.
+    """Largest energy divided by the initial one, minus 1, of each decay; shape (n,), 0 or more.
 
     Args:
       starts: nu_r, shape (n, 6). model: whose code is used, one of MODELS.

@@ -35,12 +35,12 @@ from twin.water.density import parse_density
 ROUNDS, BATCHES = 40, 3
 """Number of measured pairs, whose order alternates; and of batches."""
 STEPS = 2000
-"""Steps per timed stretch: about 5 ms, less than a slice that other processes take."""
+"""Steps per timed stretch: about 5 ms, shorter than a time slice of other processes."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class BenchResult:
-    """Costs measured side by side, as medians over the pairs."""
+    """Costs measured side by side, as medians of the pairs."""
 
     us_per_step: float
     """Time of a step with water and parts, without guidance and log, on one thread [us]."""
@@ -49,11 +49,11 @@ class BenchResult:
     us_per_step_untimed: float
     """Time of a bare step without the clock of MuJoCo's timers, which `install` removes [us]."""
     overhead_ratio: float
-    """Median over the pairs of `us_per_step` over `us_per_step_bare_mujoco`."""
+    """Median of the pairs' ratios `us_per_step` / `us_per_step_bare_mujoco`."""
     overhead_ratio_untimed: float
-    """Median over the pairs of `us_per_step` over `us_per_step_untimed`."""
+    """Median of the pairs' ratios `us_per_step` / `us_per_step_untimed`."""
     overhead_quartiles: tuple[float, float]
-    """Lower and upper quartile of the overhead ratio over the pairs."""
+    """Lower and upper quartile of the pairs' `overhead_ratio`."""
     us_per_step_with_guidance: float
     """Time of a step with water, guidance and log [us]."""
     times_real_time: float

@@ -189,7 +189,7 @@ def option_owner(command: type, name: str) -> type:
 
 
 def option_field(command: type, flag: str) -> str | None:
-    """Field that an option sets; None where no field has that name."""
+    """Field that an option sets; None if no field has that name."""
     fields = {f.name.strip("_"): f.name for f in dataclasses.fields(command)}
     return fields.get(flag.strip("-").replace("-", "_").lower())
 

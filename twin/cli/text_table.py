@@ -109,7 +109,7 @@ def format_table(rows: Sequence[Mapping[str, object]], *, digits: int = 4) -> st
 def _column_widths(
     columns: Sequence[str], cells: Sequence[Sequence[str]], right: Sequence[bool]
 ) -> list[int]:
-    """Widths of the columns: that of the widest text, or less where the table must be folded."""
+    """Widths of the columns: that of the widest text, or less if the table must be folded."""
     bodies = [max((len(texts[i]) for texts in cells), default=0) for i in range(len(columns))]
     widths = [max(len(title), body) for title, body in zip(columns, bodies, strict=True)]
     whole = [" ".join((title, *(texts[i] for texts in cells))) for i, title in enumerate(columns)]

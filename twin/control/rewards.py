@@ -37,7 +37,7 @@ SIGMOIDS: dict[str, Callable[[Any, float], Any]] = {
     "long_tail": _long_tail,
     "linear": _linear,
 }
-"""Decrease of a reward over distance / margin: 1 at 0, `value_at_margin` at 1."""
+"""Decrease of a reward with distance / margin: 1 at 0, `value_at_margin` at 1."""
 
 
 def tolerance(

@@ -39,7 +39,7 @@ LEGS = (150.0, 400.0)
 RADIUS = 20.0
 """[m] Horizontal distance within which a waypoint is reached, at any depth."""
 STRONGEST_CURRENT = 0.5
-"""[1] Largest current over the cruise's horizontal speed; below 1, every waypoint is reachable."""
+"""[1] Largest current / horizontal cruise speed; below 1, every waypoint is reachable."""
 YO_TURNS = (25.0, 150.0)
 """[m] Depths at which the reference turns from climb to dive and back."""
 

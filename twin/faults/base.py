@@ -112,7 +112,7 @@ class Fault:
     most: ClassVar[float] = 1.0
     """Largest possible size."""
     whole: ClassVar[bool] = True
-    """False: `most` itself is impossible, as all blades cannot be lost."""
+    """False: sizes must stay below `most`; for example, a propeller cannot lose all blades."""
     grows: ClassVar[bool] = False
     """True: the size is the growth per day."""
     signed: ClassVar[bool] = False
@@ -153,7 +153,7 @@ class Fault:
 
     @classmethod
     def unfit(cls, vehicle: Vehicle) -> str:
-        """Reason why a vehicle cannot have the fault; empty where it can."""
+        """Reason why a vehicle cannot have the fault; empty if it can."""
         return ""
 
     def problems(self) -> list[str]:
@@ -183,7 +183,7 @@ class Fault:
 
     def expected(self, way: Array) -> Mapping[str, Array] | None:
         """Changes of the health channels by a fault of size 1 in each dive, (dives,), by name;
-        None: flights of the twin with and without the fault show them.
+        None: simulate the dives with and without the fault to get them.
 
         Args:
           way: mean velocity through the water by the compass, north and east [m/s], (dives, 2).
@@ -257,7 +257,7 @@ def faults_of(vehicle: Vehicle) -> tuple[str, ...]:
 
 
 def check_fits(fault: Fault, vehicle: Vehicle) -> None:
-    """Raise InputError where a vehicle cannot have a fault."""
+    """Raise InputError if a vehicle cannot have a fault."""
     reason = type(fault).unfit(vehicle)
     if reason:
         known = ", ".join(faults_of(vehicle)) or "none"
@@ -288,7 +288,7 @@ def condition_at(faults: Sequence[Fault], healthy: Condition, time: float) -> Co
     """Condition of a vehicle at one time [s]."""
     found = healthy
     for fault in faults:
-        # a step holds until the next one, so it takes the size half a knot later
+        # the size is constant until the next step: take its value half a step later
         size = float(fault.at(time + 0.5 * KNOT if fault.grows and time >= fault.start else time))
         if size:
             found = fault.change(found, size)

@@ -127,7 +127,7 @@ class PitchSlips(_DriveFault):
     find_out = "drive it to both ends and read where they are; recalibrate its zero"
 
     travel: float = 0.1
-    """Distance ahead of the encoder's reading, over the part's travel"""
+    """Distance ahead of the encoder's reading, as a fraction of the part's travel"""
 
     def change(self, condition: Condition, size: float) -> Condition:
         """Shift the zero of the encoder."""

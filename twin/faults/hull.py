@@ -21,20 +21,20 @@ BODY_LIFT = 0.25
 """Fraction of the lift that hull and tail keep without wings: gliders' wings have three quarters
 (Graver 2005, table 5.3, a Slocum's wings against its hull)."""
 WING_DRAG = 0.2
-"""Fraction of the zero-lift drag that the wings have: their part of the wetted surface."""
+"""Fraction of the zero-lift drag that the wings have: their fraction of the wetted surface."""
 SPAN = 0.2
-"""Lever of a wing's forces and weight over the hull's length: the middle of a wing of 0.4 m on a
-hull of 1.8 m, with the hull's radius."""
-MISSED = 0.5
+"""Lever of a wing's forces and weight, as a fraction of the hull's length: the middle of a wing of
+0.4 m on a hull of 1.8 m, with the hull's radius."""
+LEAST_VISIBLE_LOSS = 0.5
 """Smallest lost fraction of a wing at which pictures leave the wing out."""
 WING_WEIGHT = 0.0008
-"""Weight of one wing in water over the vehicle's weight: 0.04 kg of 54, our estimate."""
-SPOILT = 0.3
+"""Weight of one wing in water, as a fraction of the vehicle's: 0.04 kg of 54, our estimate."""
+LIFT_LOSS = 0.3
 """Relative loss of lift slope per relative gain of drag: roughness thickens the boundary layer."""
-BELOW = 0.25
-"""Distance of an attached object below the axis, over the hull's diameter."""
+OBJECT_DEPTH = 0.25
+"""Distance of an attached object below the axis, in hull diameters."""
 GROWTH_WEIGHT = 0.0004
-"""Weight of growth in water over the vehicle's weight, at doubled drag: 20 g barnacles on 50 kg."""
+"""Weight of growth in water, as a fraction of the vehicle's, at doubled drag: 20 g on 50 kg."""
 LITRE = 1e-3
 """[m3] Volume of one litre."""
 
@@ -105,7 +105,7 @@ class WingLost(Fault):
     def gone(self) -> tuple[str, ...]:
         """Prefix of the lost wing's geoms, if most of the wing is lost."""
         sides = ("port", "starboard") if self.side == "both" else (self.side,)
-        return tuple(f"wing_{side}" for side in sides) if self.part >= MISSED else ()
+        return tuple(f"wing_{side}" for side in sides) if self.part >= LEAST_VISIBLE_LOSS else ()
 
     def choices(self, vehicle: Vehicle) -> tuple[Mapping[str, Any], ...]:
         """Port, starboard, both."""
@@ -143,14 +143,14 @@ class Fouling(_DragFault):
     find_out = "steepen the glide: drag at zero lift then costs less; look at it, or clean it"
 
     per_day: float = 0.03
-    """Growth of the drag per day, over the clean drag"""
+    """Growth of the drag per day, as a fraction of the clean drag"""
 
     def change(self, condition: Condition, size: float) -> Condition:
         """Add drag and some weight, and reduce lift."""
         vehicle = condition.vehicle
         law = vehicle.law.with_drag(1.0 + size)
         if isinstance(law, FlowFrame):
-            lifts = 1.0 / (1.0 + SPOILT * size)
+            lifts = 1.0 / (1.0 + LIFT_LOSS * size)
             law = dataclasses.replace(law, lift=(law.lift[0] * lifts, law.lift[1] * lifts))
         found = condition.with_vehicle(law=law)
         return found.with_mass(GROWTH_WEIGHT * size * vehicle.mass, (0.0, 0.0, 0.0))
@@ -174,7 +174,7 @@ class Attached(_DragFault):
     find_out = "invert dives, pitch hard, wait: remoras leave; look at it"
 
     drag: float = 0.6
-    """Added drag over the vehicle's own"""
+    """Added drag, as a fraction of the vehicle's own"""
 
     def change(self, condition: Condition, size: float) -> Condition:
         """Add drag below the axis, which lowers the nose."""
@@ -183,7 +183,7 @@ class Attached(_DragFault):
         if isinstance(law, FlowFrame) and isinstance(vehicle.law, FlowFrame):
             first, second, third = law.pitch_moment
             more = law.drag[0] - vehicle.law.drag[0]
-            moment = first - more * BELOW * vehicle.hull_diameter
+            moment = first - more * OBJECT_DEPTH * vehicle.hull_diameter
             law = dataclasses.replace(law, pitch_moment=(moment, second, third))
         return condition.with_vehicle(law=law)
 
@@ -207,7 +207,7 @@ class WaterTaken(Fault):
     per_day: float = 0.04
     """[L] Water taken in per day"""
     place: float = -0.25
-    """Place of the water over the hull's length, positive forward of the middle"""
+    """Place of the water, positive forward of the middle, in hull lengths"""
 
     @classmethod
     def unfit(cls, vehicle: Vehicle) -> str:

@@ -230,7 +230,7 @@ def density_at(p: ForceParameters, depth: float) -> float:
 
 @jit
 def temperature_at(p: ForceParameters, depth: float) -> float:
-    """In-situ temperature [degC] of the water; the hull's reference where it is unknown."""
+    """In-situ temperature [degC] of the water; the hull's reference if it is unknown."""
     if p.temperature_depth.size == 0:
         return p.hull_reference_temperature
     return _profile(p.temperature_depth, p.temperature_value, depth)

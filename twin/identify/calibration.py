@@ -1,7 +1,7 @@
 """Calibration: a vehicle's parameters together with the errors of its sensors and hull.
 
-Sensors are mounted askew, and a hull shrinks in the cold. The numbers of both stand here beside the
-vehicle's own parameters, and are written into the same MJCF file.
+Sensors are mounted at an angle, and a hull shrinks in the cold. A calibration adds these numbers to
+the vehicle's own parameters; both are written into one MJCF file.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ CYCLES = ("heading_cos", "heading_sin", "heading_cos2", "heading_sin2")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """A vehicle and the errors of its sensors: all that identification estimates."""
+    """Vehicle and errors of its sensors: all numbers that identification can estimate."""
 
     vehicle: Vehicle
     """The vehicle, whose `reference_density` is the trim: the density in which it is neutral at
@@ -51,7 +51,7 @@ class Calibration:
     water_density: float
     """[kg/m3] Density of the sea at the surface, for logs that do not measure it"""
     thermal_expansion: float = ALUMINIUM_EXPANSION
-    """[1/K] Relative volume that the hull gains per temperature, where a log has temperature"""
+    """[1/K] Relative growth of the hull's volume with temperature; used if a log has temperature"""
     thermal_lag: float = THERMAL_LAG
     """[s] First-order lag of the hull's temperature behind the water's"""
     pitch_scale: float = 1.0
@@ -59,7 +59,7 @@ class Calibration:
     pitch_offset: float = 0.0
     """[rad] Offset of the pitch in the same equation"""
     heading_offset: float = 0.0
-    """[rad] True heading less measured, mean over all headings"""
+    """[rad] True minus measured heading, mean over all headings"""
     heading_cycles: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     """[rad] Coefficients of cos, sin of the heading (hard iron) and of twice the heading (soft)"""
 
@@ -142,7 +142,7 @@ def load_calibration(
     pitch_scale: float | None = None,
     pitch_offset: float | None = None,
 ) -> Calibration:
-    """Calibration of a vehicle file, or the nominal one for a file without any.
+    """Load the calibration of a vehicle file; without one in the file, the nominal calibration.
 
     Args:
       vehicle: name of a shipped file, path of a file, such as `twin identify` writes, or a loaded

@@ -6,10 +6,10 @@ autocorrelation time, so that the stated standard deviations hold
 (`tests/twin/identify/test_identify_recovery.py`). Covariances come from a bootstrap over dives.
 
 Cross-validation over left-out dives judges a further parameter (Hastie et al. 2009, The Elements of
-Statistical Learning, 7.10). A pitch offset, for one, turns into drag and trim when a log holds one
-pitch, and then takes up the model's own errors. A fit without one dive, or with one parameter more,
-is one Gauss-Newton step from the fit to all, as the equations are nearly linear in the parameters.
-On public logs the gain by such a step is within a fifth of the gain of whole new fits.
+Statistical Learning, 7.10): a pitch offset, for example, cannot be told from drag and trim in a log
+with a single pitch, and would fit the model's own errors. A fit without one dive, or with one more
+parameter, is one Gauss-Newton step from the fit to all dives: the equations are nearly linear. On
+public logs, the gain by one step is within a fifth of the gain of complete fits.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ PRIOR = -1
 """Block number of the residuals of the priors"""
 DRAWS = 400
 LEAST_BLOCKS = 8
-"""Fewest blocks of a bootstrap: fewer dives are cut into parts, as samples of three say little."""
+"""Fewest blocks of a bootstrap: fewer dives are cut into parts, because three dives say little."""
 SEED = 20221123
 """Seed of the bootstrap: standard deviations are the same in every run."""
 OUTLIER = 3.0
@@ -57,14 +57,14 @@ class ComparedQuantity(NamedTuple):
     least: float
     """Lower bound of its standard deviation, in `unit`: errors of sensors and of the model"""
     samples: float = 0.0
-    """Number of residuals for one independent one; 0: the integrated autocorrelation time"""
+    """Number of residuals per independent residual; 0: use the integrated autocorrelation time"""
     longest: int = 0
-    """Longest lag in residuals over which autocorrelation is summed"""
+    """Longest lag, in residuals, in the sum of autocorrelations"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ResidualNoise:
-    """Standard deviation of a channel's residuals, and number of them for an independent one."""
+    """Standard deviation and autocorrelation time of a channel's residuals."""
 
     deviation: float
     """Standard deviation in the channel's unit, outliers weighted down"""
@@ -73,14 +73,14 @@ class ResidualNoise:
 
 
 class Residuals(NamedTuple):
-    """Residuals of a channel near a calibration, model less log, with their Jacobian."""
+    """Residuals of a channel near a calibration, model minus log, with their Jacobian."""
 
     unit: str
     values: Array
     """Residuals in `unit`, (residuals,)"""
     deviation: Array
-    """Standard deviations in `unit`, (residuals,), as of independent residuals: the channel's times
-    the root of the autocorrelation time, and larger for outliers"""
+    """Standard deviations in `unit`, (residuals,), for weights as if independent: the channel's
+    times the root of the autocorrelation time, and larger for outliers"""
     jacobian: Array
     """Slopes in `unit` per spread of each unknown, (residuals, unknowns)"""
     dives: Blocks
@@ -88,8 +88,8 @@ class Residuals(NamedTuple):
 
 
 class Comparison(abc.ABC):
-    """Residuals of dives as functions of unknown offsets from nominal, in spreads: first those of
-    the parameters, then those of biases, which no calibration holds."""
+    """Residuals of dives as functions of unknown offsets from nominal, in spreads: offsets of the
+    parameters, then of biases, which are not in a calibration."""
 
     step = 1e-4
     """Step of the finite differences in spreads: far above rounding, far below any curvature"""
@@ -111,10 +111,10 @@ class Comparison(abc.ABC):
 
     @abc.abstractmethod
     def missed(self, x: Array) -> dict[str, list[Array]]:
-        """Model less log at these offsets: a series for each of `dives`, by channel.
+        """Residuals, model minus log, at these offsets: a series for each of `dives`, by channel.
 
         Raises:
-          InputError: the vehicle does not fly with these offsets.
+          InputError: the vehicle cannot fly with these offsets.
         """
 
     def missed_at(self, places: Sequence[Array]) -> Iterator[dict[str, list[Array]]]:
@@ -137,8 +137,8 @@ class Comparison(abc.ABC):
     def calibration(self, x: Array) -> Calibration:
         """Return the calibration at these offsets; biases have no effect on it.
 
-        Parameters are set one after the other. Those before the first changed offset are kept from
-        the last call, because neighbouring columns of the slopes share most of them.
+        Parameters are set in order. The result before the first changed offset is kept from the
+        last call, because neighbouring columns of the slopes share most offsets.
         """
         out = self.nominal
         for k, (parameter, centre) in enumerate(zip(self.parameters, self.centres, strict=True)):
@@ -151,7 +151,7 @@ class Comparison(abc.ABC):
 
     @property
     def lowest(self) -> Array:
-        """Lower bounds of the offsets; a compressibility, for one, is not negative."""
+        """Lower bounds of the offsets; for example, a compressibility is not negative."""
         bounds = [
             (p.least - centre) / p.spread if p.least is not None else -np.inf
             for p, centre in zip(self.parameters, self.centres, strict=True)
@@ -159,7 +159,7 @@ class Comparison(abc.ABC):
         return np.array([*bounds, *(-np.inf for _ in self.biases)])
 
     def _weighted(self, found: Mapping[str, list[Array]]) -> Array:
-        """Residuals over their standard deviations, channel by channel, in one array."""
+        """Residuals divided by their standard deviations, channel by channel, in one array."""
         with np.errstate(over="ignore", invalid="ignore"):
             parts = [
                 series * weight
@@ -170,8 +170,8 @@ class Comparison(abc.ABC):
         return np.clip(np.nan_to_num(values, nan=LARGEST), -LARGEST, LARGEST)
 
     def residual(self, x: Array) -> Array:
-        """Weighted residuals followed by the offsets, the residuals of the priors. All are infinite
-        where the vehicle does not fly, so that a search steps back."""
+        """Weighted residuals, then the offsets, which are the priors' residuals. All are infinite
+        if the vehicle cannot fly, so that a search steps back."""
         try:
             return np.concatenate([self._weighted(self.missed(x)), x])
         except InputError:
@@ -253,8 +253,8 @@ class Comparison(abc.ABC):
     ) -> tuple[Array, dict[str, ResidualNoise]]:
         """Robust least squares from `x` on; weights are set again after each of `passes`.
 
-        The noise `first` sets the weights of the first pass where the residuals at `x` are no
-        guide. Returns the offsets and the noise.
+        The noise `first` sets the weights of the first pass, if the residuals at `x` are too large
+        to do so. Returns the offsets and the noise.
         """
         low, high = bounds or (self.lowest, np.full(self.size, np.inf))
         noise = self.reweight(x, first)
@@ -302,7 +302,7 @@ def rms(values: Array) -> float:
 
 
 def robust_scale(values: Array) -> float:
-    """Standard deviation about zero from the median size, as of normal values."""
+    """Standard deviation about zero from the median size, for normally distributed values."""
     return float(1.4826 * np.median(np.abs(values)) + 1e-12)
 
 
@@ -325,7 +325,7 @@ def correlation_samples(series: Sequence[Array], longest: int) -> float:
 
 
 def cut(blocks: Blocks) -> Blocks:
-    """Return the blocks, each dive cut into equal parts where there are fewer than LEAST_BLOCKS."""
+    """Return the blocks, each dive cut into equal parts if there are fewer than LEAST_BLOCKS."""
     numbers = np.unique(blocks[blocks != PRIOR])
     parts = -(-LEAST_BLOCKS // max(len(numbers), 1))
     if parts == 1:
@@ -372,13 +372,13 @@ class Gain(NamedTuple):
     """Decrease of the squared error of left-out dives by one more parameter."""
 
     share: float
-    """[1] Decrease over the squared error without the parameter; negative: the error grows"""
+    """[1] Decrease / squared error without the parameter; negative: the error grows"""
     deviations: float
-    """Decrease over its own standard deviation, which its scatter over the dives gives"""
+    """[1] Decrease divided by its standard deviation, from its scatter between dives"""
 
     @property
     def supported(self) -> bool:
-        """Whether the log supports the parameter."""
+        """True if the log supports the parameter."""
         return self.share > LEAST_GAIN and self.deviations > LEAST_DEVIATIONS
 
 

@@ -1,4 +1,4 @@
-"""Conventions: numbers of a glider under the names of other flight models, both ways.
+"""Conventions: a glider's numbers converted to and from the names of other flight models.
 
 Seaglider basestation (Eriksen et al. 2001, IEEE J. Oceanic Eng. 26(4); basestation3): with the
 dynamic pressure q = rho0 V^2 / 2, the glider's length l and the angle of attack a in degrees,
@@ -7,15 +7,15 @@ dynamic pressure q = rho0 V^2 / 2, the glider's length l and the angle of attack
     volume = (volmax - vbd at volmax + vbd - vbdbias) exp(therm_expan (T - temp_ref)
         - abs_compress P),
 
-volumes in cm3, pressure in dbar. Their drag coefficient falls with speed, and ours does not: both
-agree at one speed, which the file names. `volmax` is the volume at the pump's end, all oil outside.
+volumes in cm3, pressure in dbar. The basestation's drag coefficient falls with speed, and ours does
+not: both agree at the speed in the file. `volmax` is the volume with all oil outside.
 
 gliderflight (Merckelbach et al. 2010, 2019): q = rho U^2 / 2, area S = 0.1 m2, a in radian,
 
     lift = q S (aw + ah) a,    drag = q S (Cd0 + Cd1 a^2),
     volume = Vg (1 - epsilon P) + pumped volume,
 
-with epsilon in 1e-10 / Pa, and aw of the wings alone, 3.7 per radian by their shape.
+with epsilon in 1e-10 / Pa, and the lift slope aw of the wings alone, 3.7 per radian by their shape.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ from twin.vehicle.parts.pump import CUBIC_CM
 
 DEGREE = math.pi / 180.0
 DBAR = 1e4
-"""[Pa]"""
+"""[Pa] Pressure of 1 dbar"""
 HD_S, TEMP_REF = -0.25, 15.0
 """Defaults of the basestation: power of the dynamic pressure in the drag; reference temperature
 [degree_Celsius]"""
 SPEED = 0.3
-"""[m/s] Speed at which both drags agree where no other is given"""
+"""[m/s] Default speed at which both drags agree"""
 AREA = 0.1
 """[m2] Reference area S of gliderflight"""
 ASPECT, SWEEP = 7.0, 43.0 * DEGREE
 """Aspect ratio and sweep [rad] of a Slocum's wings in gliderflight"""
 WING = 2.0 * math.pi * ASPECT / (2.0 + math.sqrt(ASPECT**2 * (1.0 + math.tan(SWEEP) ** 2) + 4.0))
-"""[1/rad] aw: lift slope of such wings (Merckelbach et al. 2010)"""
+"""[1/rad] aw: lift slope of these wings (Merckelbach et al. 2010)"""
 
 Figures = dict[str, float]
 
@@ -81,7 +81,7 @@ def to_basestation(calibration: Calibration, speed: float = SPEED) -> Figures:
 
 
 def from_basestation(figures: Mapping[str, float], calibration: Calibration) -> Calibration:
-    """Return the calibration with a basestation's figures; those that are not given stay."""
+    """Return the calibration with a basestation's figures; figures that are not given stay."""
     mine = {**to_basestation(calibration, figures.get("speed", SPEED)), **figures}
     density, length = mine["rho0"], mine["glider_length"]
     size = 0.5 * density * length**2
@@ -114,7 +114,7 @@ def to_gliderflight(calibration: Calibration) -> Figures:
 
 
 def from_gliderflight(figures: Mapping[str, float], calibration: Calibration) -> Calibration:
-    """Return the calibration with gliderflight's figures; those that are not given stay."""
+    """Return the calibration with gliderflight's figures; figures that are not given stay."""
     mine = {**to_gliderflight(calibration), **figures}
     volume = mine["Vg"] + CUBIC_CM * pump_of(calibration).neutral
     size = 0.5 * (mine["mg"] / volume) * mine["S"]
@@ -173,7 +173,7 @@ def read_figures(path: Path, calibration: Calibration) -> Calibration:
     `to_basestation` are skipped. A gliderflight file is JSON, and unknown names are refused.
 
     Raises:
-      InputError: no such file, no figure in it, an unknown name in JSON, or a value that is none.
+      InputError: no such file, no figure in it, an unknown name in JSON, or a text as a value.
     """
     text = read_text(path, "figures")
     if path.suffix == ".json":

@@ -1,15 +1,15 @@
-"""Driven fit: parameters of a propelled vehicle from its own runs, and errors on unseen runs.
+"""Driven fit: parameters of a propelled vehicle from its own runs, and their errors on other runs.
 
 vehicle = load_vehicle("remus")
 runs = load_runs("bag.zarr", vehicle)
 found = identify_driven(runs[:-1], vehicle)
 judge(runs[-1:], found.calibration), judge(runs[-1:], found.nominal)
 
-Parameters are factors on the numbers of the vehicle file at the start, under the file's names: a
-derivative of the hull law such as Xuu, the lift slope of a fin, the thrust of the screw. Spreads
-are the differences between published sets of one vehicle: Prestero's thesis has two
-values for the drag of REMUS 100 (table 8.2: adjusted by a factor of 2.4) and MBARI two for the
-fins, the cross flow and the damping of Tethys (`assets/tethys.xml`).
+Parameters are factors on numbers of a vehicle file, with the file's names: a derivative of the hull
+law such as Xuu, the lift slope of a fin, the thrust of the propeller. Prior spreads are differences
+between published numbers of one vehicle: Prestero's thesis has two values for the drag of REMUS 100
+(table 8.2: adjusted by a factor of 2.4), and MBARI two for the fins, the cross flow and the damping
+of Tethys (`assets/tethys.xml`).
 """
 
 from __future__ import annotations
@@ -57,9 +57,9 @@ DERIVATIVES = {
     "Xvr": ("added mass sideways in a turn, along the hull", 0.1),
     "Xwq": ("added mass downwards while pitching, along the hull", 0.1),
 }
-"""Derivatives of the law in body axes: meaning, and spread of the factor's logarithm. Runs hardly
-determine the last eight. They lower the speed in a turn, so that thrust and drag would be wrong,
-with too small standard deviations, if wrong numbers of a file were held"""
+"""Derivatives of the law in body axes: meaning, and spread of the factor's logarithm. The last
+eight lower the speed in a turn, and runs hardly determine them. If they were fixed at wrong numbers
+of a file, thrust and drag would be wrong, with too small standard deviations."""
 ADDED_MASSES = (
     (0, "surge", "mass along the hull", 0.3),
     (1, "sway", "mass sideways", 0.1),
@@ -68,28 +68,28 @@ ADDED_MASSES = (
     (5, "yaw", "inertia in yaw", 0.1),
 )
 """Index in the matrix, name, meaning, and spread of the factor's logarithm: strip theory and an
-ellipsoid of a hull's size differ by a tenth across, by more along it"""
+ellipsoid of the hull's size differ by a tenth across the hull, by more along it"""
 THRUST_SPREAD, LIFT_SPREAD = 0.2, 0.3
-"""Spreads of the factors' logarithms"""
+"""[1] Spreads of the logarithms of the factors on thrust and on a fin's lift slope"""
 NEUTRAL_SPREAD = 2.0
 """[deg] Spread of the neutral position of fins"""
 PLACE_SPREAD = 3.0
 """[mm] Spread of the centre of gravity along the hull after trimming"""
 ARM_SPREAD = 0.3
-"""Spread of the righting arm's logarithm"""
+"""[1] Spread of the righting arm's logarithm"""
 UNSURE = 3.0
 """Factor on the spreads of a vehicle that was made from its dimensions alone"""
 
 
 def driven_parameters(vehicle: Vehicle, unsure: float = 1.0) -> tuple[UnknownParameter, ...]:
-    """Parameters of a vehicle that can be estimated: numbers that its file has.
+    """Parameters of a vehicle that can be estimated: numbers in its file.
 
     Args:
       vehicle: the vehicle to start from.
-      unsure: factor on all spreads but that of the trim.
+      unsure: factor on all spreads except the trim's.
 
     Raises:
-      InputError: no propeller, or another hull law than that in body axes, by name.
+      InputError: no propeller, or another hull law than `body-axes`.
     """
     driving, law = vehicle.steered("speed"), vehicle.law
     if not isinstance(driving, Propeller):
@@ -135,7 +135,7 @@ def _factor(
     get: Callable[[Vehicle], float],
     put: Callable[[Calibration, float], Calibration],
 ) -> UnknownParameter:
-    """Make the parameter of a factor on a number of the vehicle file."""
+    """Make a parameter that is a factor on a number of the vehicle file."""
 
     def own(calibration: Calibration) -> float:
         return get(parse_vehicle(calibration.vehicle.xml, calibration.vehicle.path))
@@ -186,7 +186,7 @@ def _of_part(part: Part, field: str, what: str, spread: float) -> UnknownParamet
 
 
 def _neutral(name: str) -> UnknownParameter:
-    """Make the parameter of a fin's reading in line with the hull."""
+    """Make a parameter for the reading of a fin that is in line with the hull."""
     return UnknownParameter(
         f"{name}.neutral", "degree", f"reading of the {name} in line with the hull", NEUTRAL_SPREAD,
         lambda c: _number(name, "neutral", c.vehicle) / DEGREE,
@@ -195,7 +195,7 @@ def _neutral(name: str) -> UnknownParameter:
 
 
 def _first_moment(vehicle: Vehicle) -> float:
-    """First moment [kg m] of all masses along the hull, parts at 0."""
+    """First moment [kg m] of all masses along the hull, with parts at position 0."""
     moved = sum(m.mass * m.neutral_x for m in vehicle.masses)
     return vehicle.static_mass * float(vehicle.static_cg[0]) + moved
 
@@ -222,30 +222,30 @@ RIGHTING_ARM = UnknownParameter(
 
 LEAST_PIECES = 6
 """Fewest windows of 20 s for a fit: two minutes"""
-SILENT = 0.95
-"""[1] Standard deviation over spread above which the runs say nothing of a parameter: it then stays
-the vehicle file's"""
+LARGEST_UNCERTAINTY = 0.95
+"""[1] Largest standard deviation, as a fraction of the spread, of a parameter that the runs
+determine; beyond, the parameter stays the vehicle file's"""
 LOOKS = (5, 3, 3)
-"""Evaluations in each fit; weights and the currents at the starts are set again after each fit"""
+"""Evaluations in each fit; weights and the runs' initial currents are set again after each fit"""
 FAR_LOOKS = (15, 15)
-"""Evaluations in each earlier fit, for a vehicle that was made from its dimensions alone"""
+"""Evaluations in each fit before these, for a vehicle made from its dimensions alone"""
 ENDS: dict[str, Any] = {"xtol": 1e-2, "ftol": 1e-3}
 FAR_ENDS: dict[str, Any] = {"xtol": 1e-4, "ftol": 1e-5}
 TOGETHER = "with the others only: the runs do not determine it"
 SLOWEST = 0.1
-"""[m/s] Speed below which a vehicle lies still"""
+"""[m/s] Speed below which a vehicle counts as still"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DrivenErrors:
-    """Errors of a vehicle's flight of runs that its fit has not seen."""
+    """Errors of simulated runs that the vehicle's fit has not used."""
 
     speed: float
-    """[1] Mean magnitude of the error of a window's mean surge, over that surge"""
+    """[1] Mean magnitude of the relative error of a window's mean surge"""
     turn_rate: float
-    """[1] RMS error of the yaw rate over the RMS yaw rate"""
+    """[1] RMS error of the yaw rate, divided by the RMS yaw rate"""
     depth_rate: float
-    """[1] RMS error of the depth rate over the RMS depth rate"""
+    """[1] RMS error of the depth rate, divided by the RMS depth rate"""
     speed_m_s: float
     """[m/s] Mean magnitude of the error of a window's mean surge"""
     turn_rate_rad_s: float
@@ -255,10 +255,10 @@ class DrivenErrors:
     pieces: int
     """Number of compared windows of 20 s"""
     against: str
-    """"truth": of a simulated store; "log": measured by the sensors"""
+    """Source of the compared values: "truth" of a simulated store, or "log", measured"""
 
     def describe(self) -> dict[str, Any]:
-        """JSON-able figures."""
+        """Figures as plain values for JSON."""
         return dataclasses.asdict(self)
 
 
@@ -282,7 +282,7 @@ def identify_driven(
       progress: called with the fraction done, 0 to 1.
 
     Raises:
-      InputError: an unknown parameter, too few flights, or a vehicle that does not fly as the runs.
+      InputError: an unknown parameter, too few runs, or a vehicle that cannot fly the runs.
     """
     densities = [float(np.median(run.density[1])) for run in runs if run.density is not None]
     water = float(np.median(densities)) if densities else vehicle.reference_density
@@ -301,7 +301,7 @@ def identify_driven(
     covariance = problem.fitted(x).covariance
     before = {p.name: float(np.sqrt(covariance[k, k])) for k, p in enumerate(free)}
     for name, off in before.items():
-        if off > SILENT:
+        if off > LARGEST_UNCERTAINTY:
             notes[name] = f"the runs leave it to {100.0 * off:.0f} % of what was known"
     kept = tuple(p for p in free if p.name not in notes)
     if not kept:
@@ -310,7 +310,7 @@ def identify_driven(
         )
     if kept != free:
         rows = [k for k, p in enumerate(free) if p in kept]
-        covariance = covariance[np.ix_(rows, rows)]  # of the fit with the unsure parameters
+        covariance = covariance[np.ix_(rows, rows)]  # with undetermined parameters fitted too
         x, started = x[[*rows, *range(len(free), len(x))]], problem.started
         problem = DrivenFlights(runs, nominal, kept)
         problem.started = started
@@ -318,9 +318,9 @@ def identify_driven(
     progress(1.0)
     covariance = covariance[: len(kept), : len(kept)]
     determined = (np.sqrt(np.diag(covariance)) <= UNDETERMINED).tolist()
-    said = [(sure, "" if sure else TOGETHER) for sure in determined]
+    answers = [(sure, "" if sure else TOGETHER) for sure in determined]
     noise = problem.reweight(x)["depth_rate"]
-    found = answer_of(problem, x, runs, wanted, notes, before, covariance, said, noise, DRIVEN)
+    found = answer_of(problem, x, runs, wanted, notes, before, covariance, answers, noise, DRIVEN)
     order = sorted(found.estimates, key=lambda one: not one.determined)
     return dataclasses.replace(found, estimates=tuple(order))
 
@@ -335,14 +335,14 @@ def _fitted(
 ) -> tuple[DrivenFlights, Array]:
     """Fit the parameters; return the problem with its weights, and the offsets.
 
-    With a `far` start every manoeuvre would be an outlier without weight. There, all residuals of a
-    channel have equal weights in the first fits.
+    From a `far` start, every manoeuvre would look like an outlier without weight. So in the first
+    fits all residuals of a channel have equal weights.
     """
     problem = DrivenFlights(runs, nominal, parameters)
     x = np.zeros(problem.size)
     stages = [(looks, True) for looks in FAR_LOOKS if far] + [(looks, False) for looks in LOOKS]
     for k, (looks, plain) in enumerate(stages):
-        first = _alike(problem, x) if plain else None
+        first = _equal_weights(problem, x) if plain else None
         x, _ = problem.fit(x, 1, first=first, max_nfev=looks, **(FAR_ENDS if plain else ENDS))
         problem.started = problem.currents(x)
         progress((k + 1) / len(stages))
@@ -350,8 +350,8 @@ def _fitted(
     return problem, x
 
 
-def _alike(problem: DrivenFlights, x: Array) -> dict[str, ResidualNoise]:
-    """Noise of each channel with which no residual is an outlier."""
+def _equal_weights(problem: DrivenFlights, x: Array) -> dict[str, ResidualNoise]:
+    """Noise of each channel that gives all its residuals equal weights."""
     return {
         name: ResidualNoise(
             deviation=max(rms(np.concatenate(series)), CHANNELS[name][1]), samples=1.0
@@ -362,20 +362,20 @@ def _alike(problem: DrivenFlights, x: Array) -> dict[str, ResidualNoise]:
 
 
 def cruise_of(runs: Sequence[DrivenRun], vehicle: Vehicle) -> float:
-    """Median surge [m/s] of runs by their Doppler logs; the vehicle file's without any."""
+    """Median surge [m/s] of runs by their Doppler logs; without logs, the vehicle file's speed."""
     known = [run.velocity[0][run.use & np.isfinite(run.velocity[0])] for run in runs]
     surge = np.concatenate(known)
     return float(np.median(surge)) if surge.size else vehicle.cruise_speed
 
 
 def judge(runs: Sequence[DrivenRun], calibration: Calibration) -> DrivenErrors:
-    """Fly runs with their attitude; compare speed, depth rate, and the yaw rate one second ahead.
+    """Simulate runs with the measured attitude; compare speed, depth rate and yaw rate 1 s ahead.
 
-    The speed of a run without truth is compared with its Doppler log, less the constant current
+    The speed of a run without truth is compared with its Doppler log minus the constant current
     that fits the run best.
 
     Raises:
-      InputError: no Doppler log, no window without a gap, or the vehicle does not fly.
+      InputError: no Doppler log, no window without a gap, or the vehicle cannot fly the runs.
     """
     true = all(run.true_velocity is not None for run in runs)
     problem = DrivenFlights(runs, calibration, ())

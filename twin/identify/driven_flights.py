@@ -1,16 +1,16 @@
 """Driven flights: simulated runs of a propelled vehicle with the measured attitude.
 
 The log gives the attitude, the body's rates and the positions of the parts. The three equations of
-translation are integrated, as in a glider's flight model (`twin.identify.translation`), by the
+translation are integrated as in a glider's flight model (`twin.identify.translation`), with the
 whole Fossen model: thrust, fins, moving masses, hull law. At every sample the same equations give
-the angular acceleration, so that pitch and yaw rate one second ahead follow from the measured ones.
-With its fins at rest REMUS 100 is unstable in yaw (Prestero 2001): an error at the start grows
-threefold a second, so that logged positions alone cannot be flown for longer.
+the angular acceleration. From it and the measured rates follow pitch and yaw rate one second ahead.
+REMUS 100 with fins at rest is unstable in yaw (Prestero 2001): an error grows threefold a second.
+Rates can therefore not be predicted for longer from the positions of the parts.
 
-The residuals are those of a Doppler log's surge and sway, of the depth rate and of both rates. A
-Doppler log over ground measures the current too. The current of each run is an unknown of the fit,
-and separates from the speed where the run has several headings. The scale of the Doppler log and
-the three angles of its mount are unknowns of each run too.
+Residuals are those of a Doppler log's surge and sway, of the depth rate, and of pitch and yaw rate.
+With bottom lock a Doppler log measures the current too. The current of each run is an unknown of
+the fit, which differs from a speed error if the run has several headings. The scale of the Doppler
+log and the three angles of its mount are unknowns of each run too.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from twin.mission.glide_balance import mass_matrix, surplus_at
 from twin.vehicle.vehicle import Vehicle
 
 PIECE = 20.0
-"""[s] Length of a window of a run: three times the settling time of such vehicles' surge, so that
-windows are independent"""
+"""[s] Duration of a window of a run: three times the settling time of surge, so that windows are
+independent"""
 SETTLE = 15.0
-"""[s] Time after a start that is not compared"""
+"""[s] Time after the start of a run or a gap that is not compared"""
 START = 1.0
-"""[s] Time over which the velocity at a start is the median"""
+"""[s] Time over which the median of the measured velocity is the initial velocity"""
 LEAD = 1.0
 """[s] Time ahead for which rates are predicted"""
 STEP = 0.1
@@ -49,8 +49,8 @@ STEP = 0.1
 CURRENT = 0.2
 """[m/s] Spread of each component of a run's current"""
 PITCH = math.radians(0.25)
-"""[rad] Spread of the zero of the pitch sensor in each run: by the data sheets of attitude sensors,
-and by the gyroscope's bias after each switching on"""
+"""[rad] Spread of the pitch sensor's zero from run to run: data sheets of attitude sensors, and the
+gyroscope's bias, which is another each time that it is switched on"""
 SENSORS = ("pitch_offset", "dvl_scale", *(f"dvl_turn_{axis}" for axis in "xyz"))
 """Sensor errors that are unknown in each run"""
 DOPPLER_SCALE, DOPPLER_TURN = 0.005, math.radians(0.5)
@@ -66,9 +66,9 @@ CHANNELS = {
     "yaw_rate": ("rad s-1", math.radians(0.2)),
 }
 """Unit of each channel and lower bound of its standard deviation: noise of a Doppler log and of a
-pressure sensor. Bounds of the rates, one second ahead, are the effect of a fin that moves between
-two samples. With a gyroscope's own noise, a tenth of that, every manoeuvre would be an outlier, and
-the remaining samples hardly determine the moments."""
+pressure sensor. Bounds of the rates one second ahead are the effect of a fin that moves between
+two samples. A gyroscope's own noise is a tenth of that: with it as the bound, every manoeuvre would
+be an outlier, and the other samples hardly determine the moments."""
 FASTEST = 20.0
 """[m/s] Speed that no such vehicle reaches"""
 
@@ -81,20 +81,20 @@ class DrivenMotion(NamedTuple):
     depth_rate: Array
     """[m/s] Depth rate through the run's filter"""
     turning: Array
-    """[rad/s2] Roll, pitch, yaw acceleration, body FRD, (3, time); means up to the next sample"""
+    """[rad/s2] Roll, pitch, yaw acceleration, body FRD, (3, time); mean until the next sample"""
 
 
 def fly_run(
     run: DrivenRun, calibration: Calibration, current: Array, offset: float = 0.0
 ) -> DrivenMotion:
-    """Fly a run with its attitude.
+    """Simulate a run with its measured attitude.
 
     Args:
-      current: north, east [m/s], (2,), taken off a Doppler log over ground at the start.
-      offset: true pitch [rad] less the sensor's, in addition to the calibration's.
+      current: north, east [m/s], (2,), subtracted from a velocity over ground at the start.
+      offset: true minus measured pitch [rad], in addition to the calibration's.
 
     Raises:
-      InputError: the vehicle does not fly it.
+      InputError: the vehicle cannot fly the run.
     """
     depths, densities = run.density or (np.zeros(1), np.array([calibration.water_density]))
     pitch = calibration.true_pitch(run.pitch) + offset
@@ -149,10 +149,10 @@ def _change(  # type: ignore[no-untyped-def]
 def _fly(  # type: ignore[no-untyped-def]
     p: ForceParameters, depth, down, rates, positions, use, begun, period, steps, lags, rolled
 ) -> Any:
-    """Velocity and angular acceleration (time, 3), by Heun's method; 0 where the run is not used.
+    """Velocity and angular acceleration (time, 3), by Heun's method; 0 while the run is not used.
 
     Between samples a part moves with its lag [s] towards a constant command, and attitude and rates
-    are linear. The angular acceleration is the mean up to the next sample.
+    are linear. The angular acceleration is the mean until the next sample.
     """
     count = depth.size
     velocity, turning = np.zeros((count, 3)), np.zeros((count, 3))
@@ -190,17 +190,17 @@ def _fly(  # type: ignore[no-untyped-def]
 
 
 def _rolled(vehicle: Vehicle, positions: Array) -> Array:
-    """Accelerations by a roll moment that gives a roll acceleration of 1 rad/s2, (6,).
+    """Accelerations (6,) by the roll moment that makes a roll acceleration of 1 rad/s2.
 
-    They replace the model's roll acceleration by the measured one: on so slim a hull half a degree
-    of the roll sensor's error would make 0.3 rad/s2.
+    With them the measured roll acceleration replaces the model's: on a slim hull, half a degree of
+    error of the roll sensor would make 0.3 rad/s2.
     """
     column = np.linalg.inv(mass_matrix(vehicle, positions))[:, 3]
     return np.asarray(column / column[3])
 
 
 def _start(run: DrivenRun, first: int, vehicle: Vehicle, turned: Array, current: Array) -> Array:
-    """Velocity through the water [m/s] at a start: the Doppler log's; without a log, the one at
+    """Initial velocity through the water [m/s]: the Doppler log's; without a log, the velocity at
     which thrust and drag balance."""
     near = slice(first, first + max(round(START / run.period), 1))
     velocity, measured = np.zeros(3), run.velocity[:, near]
@@ -220,7 +220,7 @@ def _start(run: DrivenRun, first: int, vehicle: Vehicle, turned: Array, current:
 
 
 def settled(run: DrivenRun) -> NDArray[np.bool_]:
-    """Mask of a run's samples after SETTLE seconds, when its start has no more effect."""
+    """Samples of a run from SETTLE seconds after a start, which no longer affects them."""
     skip = round(SETTLE / run.period)
     out, since = np.zeros(len(run.use), bool), 0
     for k, used in enumerate(run.use):
@@ -249,9 +249,9 @@ class DrivenFlights(Comparison):
         sensors = [(name, run) for name in SENSORS for run in runs]
         self.biases = tuple(f"{name} of run {run.index}" for name, run in (*sensors, *currents))
         self.started = np.zeros((len(runs), 2))
-        """[m/s] Currents that are taken off the velocities at the runs' starts"""
+        """[m/s] Current that is subtracted from each run's initial velocity"""
         self.pieces = [(k, piece) for k, run in enumerate(runs) for piece in _pieces(run)]
-        """Index of the run and compared samples by channel, for each window"""
+        """For each window, the index of its run, and the compared samples by channel"""
         # ground velocity of a current of 1 m/s north and east, body FRD, (time, 3, 2)
         self.turned = [
             euler_to_matrix(run.roll, run.pitch, run.heading).transpose(0, 2, 1)[:, :, :2]
@@ -277,7 +277,7 @@ class DrivenFlights(Comparison):
         return found
 
     def flown(self, x: Array) -> list[DrivenMotion]:
-        """Motion in all runs at these offsets; a run with unchanged inputs is not flown again."""
+        """Motion in all runs at these offsets; a run with unchanged inputs is simulated once."""
         count, calibration = len(self.parameters), self.calibration(x)
         found = []
         for k, run in enumerate(self.runs):
@@ -291,7 +291,7 @@ class DrivenFlights(Comparison):
         return found
 
     def missed(self, x: Array) -> dict[str, list[Array]]:
-        """Model less run, see the base."""
+        """Residuals, model minus run (see `Comparison`)."""
         currents = self.currents(x)
         count, runs = len(self.parameters), len(self.runs)
         _, scales, *turns = x[count : count + len(SENSORS) * runs].reshape(-1, runs)
@@ -324,8 +324,8 @@ class DrivenFlights(Comparison):
 
 
 def ahead(run: DrivenRun, motion: DrivenMotion, axis: int) -> Array:
-    """Rate [rad/s] about an axis, predicted from each sample one second ahead, less the measured
-    rate there, (time - one second,)."""
+    """Errors of the rate [rad/s] about an axis, predicted one second ahead from each sample:
+    predicted minus measured, (time - one second,)."""
     count = round(LEAD / run.period)
     grown = np.concatenate([[0.0], np.cumsum(run.period * motion.turning[axis, :-1])])
     rate = run.rates[axis]

@@ -1,7 +1,7 @@
 """Driven runs: signals of the runs of a propelled vehicle for identification.
 
-A run has the attitude, the depth, the positions of the parts that drive and steer, and where there
-is a Doppler log its velocity, over ground or through the water.
+A run has the attitude, the depth and the positions of the parts that propel and steer. With a
+Doppler log, it also has the velocity, over ground or through the water.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ NEEDED = ("measured_depth", "measured_roll", "measured_pitch", "measured_heading
 DOPPLER = tuple(f"measured_dvl_{name}" for name in ("surge", "sway", "heave"))
 TRUTH = ("true_surge", "true_sway", "true_heave")
 STEERED = ("speed", "heading", "pitch")
-"""Controls whose parts must have positions: without them the inputs of a run are unknown."""
+"""Controls; without positions of the parts that serve them, the inputs of a run are unknown."""
 DEPTH_WINDOW, LEAST_WINDOW = 3.0, 5
-"""[s], samples: window of the depth rate's filter, shorter than such a vehicle takes to pitch"""
+"""[s], samples: window of the depth rate's filter, shorter than a change of pitch takes"""
 LAYER = 2.0
 """[m] Thickness of the layers of a run's density profile"""
 
@@ -47,15 +47,15 @@ class DrivenRun(Record):
     """One run; arrays are (time,) unless another shape is given."""
 
     velocity: Array
-    """[m/s] Velocity by the Doppler log, body FRD, (3, time); NaN where it has none"""
+    """[m/s] Velocity by the Doppler log, body FRD, (3, time); NaN without lock"""
     ground: Mask
-    """True where that velocity is over ground, False where it is through the water"""
+    """True: `velocity` is over ground; False: it is through the water"""
     positions: Array
     """Positions of the parts in their units, (time, parts)"""
     commanded: tuple[str, ...]
-    """Parts with commands only: their positions follow by the vehicle file's lags and rates."""
+    """Parts with commands only; the vehicle file's lags and rates give their positions."""
     silent: tuple[str, ...]
-    """Parts with neither positions nor commands: they rest."""
+    """Parts with neither positions nor commands; they count as resting."""
     density: tuple[Array, Array] | None
     """Depths [m] and in-situ densities [kg/m3] of the water; None: the run does not measure it"""
     true_velocity: Array | None
@@ -64,8 +64,8 @@ class DrivenRun(Record):
     def filtered(self, values: Array) -> Array:
         """Pass rates (time,) through the depth rate's filter: the filtered slope of their integral.
 
-        Smoothing the rates by the parabola's middle instead was 2 cm/s off where a vehicle pitches
-        over, because the slope of a parabola is smoother.
+        A smoothing filter in its place was 2 cm/s off while a vehicle pitched over, because the
+        slope of a parabola is smoother than its middle.
         """
         way = cumulative_trapezoid(values, dx=self.period, initial=0.0)
         return savgol_filter(way, self.window, 2, deriv=1, delta=self.period)
@@ -74,10 +74,10 @@ class DrivenRun(Record):
 def load_runs(
     store: str | StorePath, vehicle: Vehicle, rows: Sequence[int] | None = None
 ) -> list[DrivenRun]:
-    """Runs of a store, real or simulated, of a vehicle with a propeller.
+    """Read the runs of a propelled vehicle from a store, real or simulated.
 
     Args:
-      vehicle: the vehicle with the parts. rows: numbers of the runs, all by default.
+      vehicle: names the parts. rows: numbers of the runs, all by default.
 
     Raises:
       StoreError: no such store, an unknown row, or a channel that is missing, by its name.
@@ -112,7 +112,7 @@ def load_runs(
 def _run(
     row: int, signals: Mapping[str, Array], period: float, vehicle: Vehicle
 ) -> DrivenRun | None:
-    """One run; None where a needed channel has no values."""
+    """Read one run; None if a needed channel has no values."""
     depth, roll, pitch = (filled(signals[name]) for name in NEEDED[:3])
     heading = filled(unwrapped(signals["measured_heading"]))
     measured = [filled(signals[name]) for name in RATES]
@@ -172,18 +172,18 @@ def _run(
 
 
 def _biases(rates: Array, roll: Array, pitch: Array, heading: Array, period: float) -> Array:
-    """Biases of gyroscopes: medians of their rates (3, time) less those of the attitude, (3,).
+    """Biases of the gyroscopes, (3,): medians of their rates minus rates from the attitude.
 
-    Minutes of attitude determine them to 0.01 deg/s. The bias after switching on is several times
-    that, and would shift a rudder's neutral position. A mean would include the roll's error in
-    every turn.
+    Minutes of attitude determine the biases to 0.01 deg/s. The bias after switching on is several
+    times that, and would shift a rudder's neutral position. A mean in place of the median would
+    include the error of the roll in every turn.
     """
     slopes = [np.gradient(a, period) for a in (roll, pitch, heading)]
     return np.asarray(np.median(rates - body_rates(roll, pitch, *slopes), axis=1))
 
 
 def _followed(part: Part, commands: Array, period: float) -> Array:
-    """Positions of a part that follows its commands, each held from its sample on."""
+    """Positions of a part that follows its commands; each command holds until the next sample."""
     positions = commands.copy()
     for k in range(1, len(commands)):
         positions[k] = part_after(

@@ -1,11 +1,11 @@
-"""Handling: pitch, turns, travel of the parts and gains of a vehicle, fitted after its speed.
+"""Handling: pitch, turns, actuator travel and control gains, fitted to logs after the speed.
 
     found = identify(logs, load_calibration("seaglider"))     # trim, drag, hull, sensors
     handling = handle(logs, found)                            # pitch, turns, loops
     handling.identification.calibration, handling.failures
 
-Each step starts from the one before: speeds of the flight model, pitches at which the moments
-balance at these speeds, turns about these glides, and control loops on the resulting dynamics.
+The steps, each with the results of the earlier ones: speed by the flight model, pitch at which the
+moments balance at this speed, turns about these glides, control loops for the dynamics.
 """
 
 from __future__ import annotations
@@ -30,24 +30,24 @@ from twin.identify.turning_windows import channel_of, windows_of
 from twin.mission.glide_balance import steady_glide
 from twin.vehicle.vehicle import Vehicle
 
-FAR = 3.0
-"""Distance from the vehicle file's value in standard deviations beyond which a value counts as
-determined, whatever its standard deviation"""
-SLACK, ROOM = 0.1, 0.03
-"""Fraction of a part's travel that is added beyond the log's positions; fraction of the battery's
-travel that guidance keeps free beside the usual glide"""
-UNEVEN = math.radians(3.0)
-"""[rad] Distance between the neutral positions of dives and climbs above which a note says so"""
-FLATTER = math.radians(0.5)
-"""[rad] Step by which the usual glide is made flatter until the battery holds it"""
+CLEARLY_MOVED = 3.0
+"""[standard deviations] Difference from the vehicle file's value; a larger one counts as determined
+by the log, even if its standard deviation is large"""
+TRAVEL_MARGIN, GUIDANCE_MARGIN = 0.1, 0.03
+"""[1] Fraction of a part's travel that is added beyond the log's positions; fraction of the
+battery's travel that is left at both ends for guidance in the usual glide"""
+LARGEST_ASYMMETRY = math.radians(3.0)
+"""[rad] Largest difference of the neutral positions of dives and climbs without a note"""
+PITCH_STEP = math.radians(0.5)
+"""[rad] Step in the search for the steepest usual glide within the battery's travel"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Handling:
-    """A vehicle that pitches, turns and is steered as its log, with the failures of its proof."""
+    """Vehicle with fitted pitch, turns and gains, and the tests that it failed in simulation."""
 
     identification: Identification
-    """Identification with the estimates of pitch and turns beside those of the flight model"""
+    """Identification with the estimates of the flight model, of pitch and of turns"""
     phases: tuple[Phase, ...]
     """Usual dive and climb of the log"""
     pitch_deviation: float | None
@@ -55,15 +55,15 @@ class Handling:
     turn_deviation: float | None
     """[rad/s] RMS residual of yaw rates averaged over up to 90 s; None: not fitted"""
     yaw_bias: float | None
-    """[rad] Asymmetry that turns the vehicle at no roll and no rudder, as a sideslip"""
+    """[rad] Yaw moment at no roll and no rudder, as the sideslip of an equal Munk moment"""
     roll_offset: float | None
-    """[rad] Zero of the roll sensor, or roll of the vehicle's weight"""
+    """[rad] Offset of the measured roll: zero of the sensor, or heel of the vehicle"""
     neutral: float | None
-    """[rad] Position of the turning part, as flown, at which the vehicle goes straight"""
+    """[rad] Neutral position of the turning part in the fitted vehicle; None: not known"""
     failures: tuple[str, ...]
-    """Failures of the vehicle; empty when it trims, is stable and steers in both phases"""
+    """Failed tests; empty if the vehicle trims, is stable and steers in dives and climbs"""
     notes: tuple[str, ...]
-    """Sentences on values that stay the vehicle file's, with the reasons"""
+    """Sentences on values that the logs did not determine, and on asymmetry, with the reasons"""
 
 
 def handle(
@@ -73,10 +73,10 @@ def handle(
     proof: bool = True,
     progress: Callable[[float], None] = lambda part: None,
 ) -> Handling:
-    """Fit pitch and turns, place the gains, and prove the vehicle.
+    """Fit pitch and turns, set the control gains, and test the vehicle in simulation.
 
     Args:
-      found: from `identify`. proof: fly the vehicle, and report its failures.
+      found: result of `identify`. proof: fly the vehicle, and report the tests that it fails.
       progress: called with the fraction done, 0 to 1.
     """
     notes: list[str] = []
@@ -84,14 +84,14 @@ def handle(
     calibration = with_travel(logs, found.calibration)
     identification = dataclasses.replace(found, calibration=calibration)
     balance = None
-    # a fit of the twin's rollouts includes the pitch
+    # a fit by simulated dives has already fitted the pitch
     if not {p.name for p in PITCHING} & {e.name for e in found.estimates}:
         balance = balanced(logs, calibration)
         if balance is None:
             notes.append("pitch: no battery positions in steady dives and climbs of these logs")
         else:
             calibration = balance.calibration
-            identification = _with(identification, balance)
+            identification = _with_estimates(identification, balance)
     progress(0.2)
     turns = turned(logs, calibration)
     progress(0.6)
@@ -99,9 +99,9 @@ def handle(
         notes.append("turns: too few steady parts in dives and climbs of these logs")
     else:
         calibration = turns.fitted.calibration
-        identification = _with(identification, turns.fitted)
+        identification = _with_estimates(identification, turns.fitted)
         channel = channel_of(calibration)
-        if turns.apart > UNEVEN:
+        if turns.apart > LARGEST_ASYMMETRY:
             notes.append(
                 f"asymmetry: to go straight, dives and climbs of these logs want the {channel} "
                 f"{math.degrees(turns.apart):.0f} deg apart; the mean of the two is flown"
@@ -138,10 +138,10 @@ def handle(
 
 
 def phases_of(logs: Sequence[Log], calibration: Calibration) -> tuple[Phase, ...]:
-    """Usual dive and climb of the logs: medians over steady parts; a phase without any lacks."""
+    """Usual dive and climb: medians over steady parts; a phase without steady parts is left out."""
     windows = windows_of(logs, calibration)
     vehicle, pump = calibration.vehicle, pump_of(calibration)
-    # in the log's layers the net mass may exceed the pump's; the proof is in water of one density
+    # layers of the log can raise the net mass beyond the pump; the test's water has one density
     light, heavy = (vehicle.net_mass_for_pump(end) for end in (pump.high, pump.low))
     found = []
     for climbing in (False, True):
@@ -153,15 +153,15 @@ def phases_of(logs: Sequence[Log], calibration: Calibration) -> tuple[Phase, ...
 
 
 def with_usual_glide(calibration: Calibration, phases: Sequence[Phase]) -> tuple[Calibration, str]:
-    """Set the usual glide, which missions without pitch or pump fly, to the log's.
+    """Set the usual glide to the log's; missions that set neither pitch nor pump fly it.
 
-    Its net mass is half of the difference between the two phases. Its pitch is the flatter of their
-    pitches, or the steepest below it that the battery holds in dives and in climbs. With equal net
-    masses the battery may have to move further than in the log, where the pump is far from the
-    centre of buoyancy.
+    The net mass is half of the difference between the phases. The pitch is the flatter of the two
+    phases', or the steepest flatter one that the battery can hold in dives and in climbs. If the
+    pump is far from the centre of buoyancy, equal net masses may need more battery travel than the
+    log shows.
 
     Returns:
-      the calibration, and a note with the reason; empty where the log's pitch is kept.
+      the calibration, and a note with the reason; the note is empty if the log's pitch is kept.
     """
     dive, climb = phases
     pitch = min(abs(dive.pitch), abs(climb.pitch))
@@ -170,9 +170,9 @@ def with_usual_glide(calibration: Calibration, phases: Sequence[Phase]) -> tuple
         return calibration, ""
     vehicle = calibration.vehicle
     held = pitch
-    while held > FLATTER and not _holds(vehicle, held, net_mass):
-        held -= FLATTER
-    if not _holds(vehicle, held, net_mass):
+    while held > PITCH_STEP and not _can_hold(vehicle, held, net_mass):
+        held -= PITCH_STEP
+    if not _can_hold(vehicle, held, net_mass):
         return calibration, (
             f"usual glide: kept at the vehicle file's: the battery holds no pitch of dives and "
             f"climbs with {net_mass:.2f} kg, the log's usual net mass"
@@ -187,11 +187,11 @@ def with_usual_glide(calibration: Calibration, phases: Sequence[Phase]) -> tuple
     return calibration.with_vehicle(usual_glide=(held, net_mass)), note
 
 
-def _holds(vehicle: Vehicle, pitch: float, net_mass: float) -> bool:
-    """True where the battery holds this glide down and up, with room for guidance at its ends."""
+def _can_hold(vehicle: Vehicle, pitch: float, net_mass: float) -> bool:
+    """True if the battery can hold this pitch in dives and climbs, with a margin at both ends."""
     slide = vehicle.steered("pitch")
     assert slide is not None  # a calibration has one moving battery
-    room = ROOM * (slide.high - slide.low)
+    room = GUIDANCE_MARGIN * (slide.high - slide.low)
     low, high = slide.low + room, slide.high - room
     try:
         shifts = [steady_glide(vehicle, -s * pitch, s * net_mass).shift for s in (1.0, -1.0)]
@@ -201,8 +201,8 @@ def _holds(vehicle: Vehicle, pitch: float, net_mass: float) -> bool:
 
 
 def with_travel(logs: Sequence[Log], calibration: Calibration) -> Calibration:
-    """Widen the travel of the parts to all positions of the log: real encoders have other zeros,
-    and real pumps other ends."""
+    """Widen the parts' travel to all positions in the logs: encoders of real vehicles have other
+    zeros than the file's, and real pumps other ends."""
     vehicle = calibration.vehicle
     changes: dict[str, dict[str, float]] = {}
     for control, channel in (
@@ -217,19 +217,19 @@ def with_travel(logs: Sequence[Log], calibration: Calibration) -> Calibration:
             continue
         low, high = float(known.min()), float(known.max())
         ends = {"low": min(low, part.low), "high": max(high, part.high)}
-        if control == "pitch":  # the encoder has another zero: the travel moves; 0 stays inside
-            slack = SLACK * (part.high - part.low)
+        if control == "pitch":  # the encoder's zero differs: shift the travel, keep 0 in it
+            slack = TRAVEL_MARGIN * (part.high - part.low)
             ends = {"low": min(low - slack, 0.0), "high": max(high + slack, 0.0)}
         changes[part.name] = ends
     return calibration.with_vehicle(**changes)
 
 
-def _with(identification: Identification, fitted: Fitted) -> Identification:
-    """Return the identification with the estimates of a later fit."""
+def _with_estimates(identification: Identification, fitted: Fitted) -> Identification:
+    """Return the identification with the estimates of a further fit added."""
     deviation, start = np.sqrt(np.diag(fitted.covariance)), identification.calibration
     estimates = []
     for parameter, moved, off in zip(fitted.parameters, fitted.offsets, deviation, strict=False):
-        sure = bool(np.isfinite(off) and (off <= UNDETERMINED or abs(moved) > FAR * off))
+        sure = bool(np.isfinite(off) and (off <= UNDETERMINED or abs(moved) > CLEARLY_MOVED * off))
         note = "" if sure else "with the others only: the log does not determine it"
         estimates.append(
             IdentifiedParameter.of(parameter, start, fitted.calibration, float(off), sure, note)

@@ -1,12 +1,12 @@
-"""Linear motion: response of a glide to small turns and moves of its parts, and loops on it.
+"""Linear motion: response of a glide to turns and moves of parts, and gains of control loops.
 
 About a straight glide the sway, roll rate, yaw rate and roll of a vehicle with a plane of symmetry
 are independent of the other motions (Fossen 2011, section 7.5). The coefficients are central
 differences of the Fossen model's equations, with every part, fin, added mass and lever of the
-vehicle. They give two responses:
+vehicle. The coefficients give two responses:
 
-- sway and yaw rate to the log's roll, whatever made the vehicle roll;
-- roll to the log's rotation of the battery.
+- sway and yaw rate by the logged roll, which may have any cause;
+- roll by the logged rotation of the battery.
 
 Both are linear in the sine of the roll and in the position of the turning part, and are integrated
 exactly between samples.
@@ -46,11 +46,11 @@ LONGITUDINAL = (0, 2, 4, 7)
 PACES = tuple(0.2 * 0.8**k for k in range(24))
 """[rad/s] Bandwidths of the loops that are tried, fastest first"""
 MARGIN = (0.5, 1.0, 2.0)
-"""Factors on its gain at which a loop must be stable"""
+"""[1] Factors on a loop's gain at which the loop must be stable"""
 DAMPED = 0.3
-"""Least damping ratio of the loop's modes at its own gain"""
+"""[1] Least damping ratio of a loop's modes at its own gain"""
 INTEGRAL = 0.15
-"""Bandwidth of the integral over that of the loop"""
+"""[1] Bandwidth of the integral, as a fraction of the loop's"""
 FULL_ERROR = math.radians(40.0)
 """[rad] Heading error at which the whole travel is used: larger gains would only saturate"""
 PITCH_PACE = 0.02
@@ -58,7 +58,7 @@ PITCH_PACE = 0.02
 
 
 class Glide(NamedTuple):
-    """A straight glide of a log."""
+    """Straight glide of a log."""
 
     surge: float
     """[m/s] Forward velocity"""
@@ -90,12 +90,12 @@ class Lateral(NamedTuple):
         return float(steady[2]), float(steady[3])
 
     def turned_by_roll(self, period: float) -> tuple[Array, Array]:
-        """One step of (sway, yaw rate) with the roll known.
+        """Step of (sway, yaw rate) between two samples, with known roll.
 
         Returns the transition (2, 2) and the response (2, 4) to roll, roll's slope, the part's
         position and a yaw moment, each at its mean between two samples.
         """
-        # as the roll is known, its moments balance: side force and yaw moment alone act
+        # the known roll replaces the roll equation: side force and yaw moment remain
         keep = [0, 2]
         free_inertia = np.linalg.inv(self.inertia[np.ix_(keep, keep)])
 
@@ -109,7 +109,7 @@ class Lateral(NamedTuple):
         return _discrete(free, np.stack([a[:, 3], a[:, 1], drive, yaw], axis=1), period)
 
     def rolled_by_part(self, period: float) -> tuple[Array, Array]:
-        """One step of (v, p, r, roll): transition (4, 4), response (4, 2) to position and yaw."""
+        """Step of (v, p, r, roll): transition (4, 4), response (4, 2) to position, yaw moment."""
         return _discrete(self.matrix, np.stack([self.drive, self.yaw], axis=1), period)
 
 
@@ -131,7 +131,7 @@ def jacobians(vehicle: Vehicle, state: Array, positions: Array) -> tuple[Array, 
     """Rates of `SteadyProblem.rate` per state, (8, 8), and per position of a part, (8, parts).
 
     Args:
-      state: (u, v, w, p, q, r, roll, pitch), (8,). positions: those of the parts, (parts,).
+      state: (u, v, w, p, q, r, roll, pitch), (8,). positions: of the parts, (parts,).
     """
     parameters = _parameters(vehicle)
     place = vehicle.steered_index("heading")
@@ -177,8 +177,8 @@ def linearised(vehicle: Vehicle, glide: Glide) -> Lateral:
 
 
 def _balancing(vehicle: Vehicle, state: Array, positions: Array, slide: int) -> float:
-    """Change of the pitching part's position at which the pitch moments balance. The position of
-    the weight along the hull also turns a rolled glider."""
+    """Change of the pitching part's position at which the pitch moments balance. The weight's
+    position along the hull matters because it also turns a rolled glider."""
     parameters = _parameters(vehicle)
     place = vehicle.steered_index("heading")
     step = np.zeros(len(positions))
@@ -204,7 +204,7 @@ def _inertia(vehicle: Vehicle, positions: Array) -> Array:
 
 
 class Phase(NamedTuple):
-    """A steady dive or climb of the log."""
+    """Steady dive or climb of the log."""
 
     pitch: float
     """[rad] Pitch"""
@@ -213,7 +213,7 @@ class Phase(NamedTuple):
 
 
 class Plane(NamedTuple):
-    """One plane of a trimmed glide with its steering part."""
+    """Linear motion of a trimmed glide in one plane, with the part that steers it."""
 
     matrix: Array
     """Matrix of the state, (states, states)"""
@@ -230,7 +230,7 @@ class Plane(NamedTuple):
 
 
 def way_of(vehicle: Vehicle, phase: Phase) -> Way:
-    """Steady glide of a phase; MissionError where the vehicle has none."""
+    """Steady glide of a phase; MissionError if the vehicle has none."""
     where = "the climb of the log" if phase.pitch > 0.0 else "the dive of the log"
     return way(vehicle, where, "pitch_deg", math.degrees(phase.pitch), phase.net_mass, None)
 
@@ -239,7 +239,7 @@ def trimmed(vehicle: Vehicle, phase: Phase) -> tuple[Array, Array]:
     """State (8,) and positions (parts,) of the stable glide at the phase's pitch.
 
     Raises:
-      MissionError: too flat to glide, or beyond the battery's travel.
+      MissionError: the pitch is too flat to glide, or beyond the battery's travel.
       NoSteadyState: the vehicle has no stable glide there.
     """
     positions = way_of(vehicle, phase).command
@@ -271,7 +271,7 @@ def plane_of(vehicle: Vehicle, state: Array, positions: Array, control: str) -> 
 def loop_modes(plane: Plane, pid: Sequence[float], lag: float, period: float) -> Array:
     """Eigenvalues [1/s] of the closed loop, complex, by its discrete form.
 
-    `pid` acts on the part's position, with the sign that steers to the right side.
+    `pid` acts on the part's position; its sign must make the feedback negative.
     """
     n = 4
     # states: plane, heading (or none), part; held command as the last column
@@ -304,7 +304,7 @@ def loop_modes(plane: Plane, pid: Sequence[float], lag: float, period: float) ->
 
 
 def _settles(plane: Plane, pid: Sequence[float], lag: float, period: float) -> bool:
-    """True where all modes of a loop decay within its margin and are damped at its own gain."""
+    """True if a loop's modes decay at all gains of MARGIN, and are damped at its own gain."""
     for factor in MARGIN:
         modes = loop_modes(plane, [factor * gain for gain in pid], lag, period)
         if np.max(modes.real) >= 0.0:
@@ -320,7 +320,7 @@ def _placed(
     """Gains of the fastest loop that settles in every plane; None: no bandwidth settles.
 
     Args:
-      factors: guidance's factor on the gains in each plane, with the sign that steers.
+      factors: guidance's factor on the gains in each plane, with its sign.
     """
     largest = max(abs(plane.gain * factor) for plane, factor in zip(planes, factors, strict=True))
     most = travel / FULL_ERROR / max(map(abs, factors))
@@ -338,9 +338,9 @@ def _placed(
 
 
 def with_gains(calibration: Calibration, phases: Sequence[Phase]) -> Calibration:
-    """Place `pitch_pid` and `heading_pid` on the vehicle's dynamics in these phases.
+    """Set `pitch_pid` and `heading_pid` from the vehicle's dynamics in these phases.
 
-    A loop that settles at no bandwidth, or without a part to steer by, keeps its gains.
+    A loop keeps its gains if no bandwidth settles or the vehicle has no part for it.
 
     Raises:
       MissionError, NoSteadyState: the vehicle does not trim in one of the phases.

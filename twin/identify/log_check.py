@@ -44,8 +44,8 @@ DEPTH_RATE_LIMIT = 0.05
 TURN_LIMIT = 0.25
 """[1] Largest relative error of the turn rate per position of the turning part"""
 TURNING_LIMIT = 3.0
-"""[deg] Largest difference of the turning part's mean position, twin less log: more is an asymmetry
-of the logged vehicle that the vehicle file lacks"""
+"""[deg] Largest difference of the turning part's mean position, twin minus log; a larger one shows
+an asymmetry of the logged vehicle that the vehicle file lacks"""
 HEADING_LIMIT = 2.0
 """[deg] Largest standard deviation of the twin's heading about its target"""
 
@@ -56,14 +56,14 @@ class PhaseComparison:
 
     log: PhaseFigures
     twin: PhaseFigures | None
-    """Figures of the twin; None: it flew no steady part of such a leg"""
+    """Figures of the twin; None: the twin flew no steady part in this phase"""
     speed_from: str | None
     """Source of the log's speed: "measured", "depth rate and pitch", or None"""
     same_part: bool
-    """True where parts of the same type turn both, so that their effects can be compared"""
+    """True if log and twin are turned by the same type of part: the effects can be compared"""
 
     def describe(self) -> dict[str, Any]:
-        """JSON-able; ratios are twin over log, deviations twin less log."""
+        """Plain values for JSON; ratios are twin / log, differences are twin minus log."""
         log, twin = self.log.describe(), {} if self.twin is None else self.twin.describe()
         twin = {name: twin.get(name) for name in log}
         cycles = {"log": self.log.oscillation, "twin": self.twin and self.twin.oscillation}
@@ -104,13 +104,13 @@ class LogCheck:
     engine: str
     """Engine that flew the twin"""
     beside_mujoco: EndsApart | None
-    """Distance of the first dive's end from MuJoCo's, where the batched engine flew it"""
+    """Distance of the first dive's end from MuJoCo's, if the batched engine flew the dives"""
     notes: tuple[str, ...]
     """Sentences on signals that the log lacks, and on their replacements"""
 
     @property
     def beyond(self) -> list[str]:
-        """Phrase for each figure beyond its limit; empty when the twin flies as the log."""
+        """Phrase for each figure beyond its limit; empty if the twin flies as the log."""
         flown = list(zip(self.dives, self.flights, strict=True))
         found = [f"dive {dive.row}: {f}" for dive, f in flown if isinstance(f, Exception)]
         for name, phase in self.phases.items():
@@ -128,7 +128,7 @@ class LogCheck:
         return found
 
     def describe(self) -> dict[str, Any]:
-        """JSON-able."""
+        """Plain values for JSON."""
         legs = Counter(leg.phase for dive in self.dives for leg in dive.legs if leg.compared)
         beside: dict[str, Any] = {}
         if self.beside_mujoco is not None:
@@ -161,13 +161,13 @@ def _beyond(phase: PhaseComparison) -> list[str]:
     twin = phase.twin
     if twin is None:
         return ["the twin never flew it steadily"]
-    said, found = phase.describe(), []
-    ratio, turn = (said["ratio"][name] for name in ("depth_rate_m_s", "turn_per_actuator"))
+    figures, found = phase.describe(), []
+    ratio, turn = (figures["ratio"][name] for name in ("depth_rate_m_s", "turn_per_actuator"))
     if ratio is not None and abs(ratio - 1.0) > DEPTH_RATE_LIMIT:
         found.append(f"depth rate {ratio:.3f} times the log's (within {DEPTH_RATE_LIMIT:.0%})")
     if turn is not None and abs(turn - 1.0) > TURN_LIMIT:
         found.append(f"turn per actuator {turn:.2f} times the log's (within {TURN_LIMIT:.0%})")
-    if abs(said["deviation"].get("turning_deg") or 0.0) > TURNING_LIMIT:
+    if abs(figures["deviation"].get("turning_deg") or 0.0) > TURNING_LIMIT:
         found.append(
             f"what turns it is at {twin.turning:.1f} deg on the mean, the log's at "
             f"{phase.log.turning:.1f} (within {TURNING_LIMIT:g}): the file flies no such "
@@ -224,8 +224,8 @@ def check_logs(
         rows = list(range(len(logs))) if missions is None else list(missions)
         for row in rows:
             logs.check_mission(row)
-        said = log_rows(logs)
-        powered = [row for row in rows if said[row].powered]
+        listed = log_rows(logs)
+        powered = [row for row in rows if listed[row].powered]
         rows = [row for row in rows if row not in powered]
         _check_signals(logs, there)
         read = [read_dive(logs, row, hull, turning) for row in rows]
@@ -239,8 +239,8 @@ def check_logs(
             )
         notes = _notes(logs, there, dives, turning, hull.vehicle)
         if powered:
-            listed = ", ".join(map(str, powered))
-            notes.append(f"left out: {len(powered)} dives ran their thruster ({listed})")
+            names = ", ".join(map(str, powered))
+            notes.append(f"left out: {len(powered)} dives ran their thruster ({names})")
     flights = fly_dives(flown, dives, engine)
     if all(isinstance(flight, SimulationUnstable) for flight in flights):
         raise flights[0]  # type: ignore[misc]

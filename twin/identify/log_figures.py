@@ -1,6 +1,6 @@
-"""Log figures: means of dives and climbs, from samples of a log or of the twin's flight of it.
+"""Log figures: means over dives and climbs of a log, or of the twin's simulation of the log.
 
-`Oscillation` is a limit cycle, such as a badly tuned control loop makes.
+`Oscillation` is a limit cycle, for example of a badly tuned control loop.
 """
 
 from __future__ import annotations
@@ -22,45 +22,45 @@ from twin.vehicle.vehicle import Vehicle
 UNDER_WATER = 3.0
 """[m] Depth above which a hull is in the waves or partly out of the water"""
 SETTLING = 60.0
-"""[s] Time that a vehicle needs after a turn to a new heading target to settle"""
+"""[s] Time that a vehicle needs to settle after a turn to a new heading target"""
 SLOWEST_TURN = 0.1
-"""[deg/s] Slowest rate of that turn: a Seaglider's at 0.25 m/s"""
+"""[deg/s] Slowest rate of a turn to a new heading target: a Seaglider's at 0.25 m/s"""
 NEW_TARGET = 5.0
 """[deg] Least change of the heading target that starts a turn"""
 TURN_WINDOW = 40.0
-"""[s] Window of the filter whose slope is the turn rate: compasses of logs are noisy"""
+"""[s] Window of the filter that gives the turn rate from noisy compass headings"""
 TURN_LAGS = (0.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0)
-"""[s] Lags of the turn rate behind the position that are tried. Without the lag the feedback of the
-heading loop hides the effect of its part"""
+"""[s] Lags of the turn rate behind the position that are tried. Without a lag, the feedback of the
+heading loop would hide the effect of the turning part"""
 LEAST_MOVED = 0.2
 """[deg] Least standard deviation of a turning part's position for an estimate of its effect"""
 LEAST_CORRELATION = 0.3
-"""Least correlation of turn rate and position; below it other causes turned the vehicle"""
+"""[1] Least correlation of turn rate and position; below, other causes turned the vehicle"""
 LEAST_SAMPLES = 20
 """Fewest samples of a mean"""
-OFTEN = 0.25
-"""Least fraction of the legs that oscillate in a limit cycle"""
+LEAST_LEGS = 0.25
+"""[1] Least fraction of the legs that must show an oscillation for it to be a limit cycle"""
 LEAST_AMPLITUDE = {"heading": 1.0, "pitch": 0.5, "roll": 1.0}
-"""[deg] Least amplitude of an oscillation, by the signal"""
+"""[deg] Least amplitude of an oscillation, by signal"""
 CYCLES, SHORTEST = 3.0, 4
-"""Fewest periods in a leg, as fewer may not go on; fewest samples of a period"""
+"""Fewest periods in a leg, because fewer may not go on; fewest samples of a period"""
 WIDTH = 0.15
-"""Relative change of an oscillation's frequency within a leg, as of speed and trim"""
+"""[1] Relative change of an oscillation's frequency within a leg, with speed and trim"""
 SHARE = 0.5
-"""Least fraction of the variance in an oscillation: noise is spread over all periods"""
-LASTING = 0.7
-"""Least amplitude in the second half over that in the first; with less the oscillation decays"""
+"""[1] Least fraction of a signal's variance in an oscillation: noise has all periods"""
+LEAST_GROWTH = 0.7
+"""Least ratio of the amplitudes in the second and first half; with less the oscillation decays"""
 
 
 class FigureSamples(NamedTuple):
-    """One leg of a flight, equally spaced; arrays are (time,)."""
+    """Samples of one leg of a flight, equally spaced; arrays are (time,)."""
 
     period: float
     """[s] Time between samples"""
     series: Mapping[str, Array]
     """Known signals: `depth_rate` [m/s], positive down; `speed` [m/s] through the water, NaN where
     unknown; `pitch`, `roll` [deg]; `heading` [deg], unwrapped; `heading_target` [deg];
-    `heading_error` [deg], heading less target, within +-180; `turning` [deg], the position of the
+    `heading_error` [deg], heading minus target, within +-180; `turning` [deg], the position of the
     turning part in the log's sign"""
     positions: Mapping[str, Array]
     """Positions of the parts, in the units of stores"""
@@ -91,7 +91,7 @@ def flown_samples(
     vehicle: Vehicle,
     turning: Turning | None,
 ) -> list[FigureSamples]:
-    """Samples of a dive's compared legs in the twin's flight; legs that it did not reach lack.
+    """Samples of a dive's compared legs in the twin's flight; without legs not reached.
 
     `number` is the index of the leg at each sample, (time,).
     """
@@ -166,21 +166,21 @@ def angle_of_attack(
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Oscillation:
-    """An oscillation at a steady period."""
+    """Oscillation with a steady period."""
 
     signal: str
     """Name of the signal: heading, pitch or roll"""
     period_s: float
     amplitude_deg: float
     growth: float
-    """Amplitude in the second half of a leg over that in the first"""
+    """Amplitude in the second half of a leg, divided by that in the first half"""
     legs: float
-    """Fraction of the legs that show it"""
+    """[1] Fraction of the legs that show the oscillation"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PhaseFigures:
-    """Means over the legs of one phase; None where unknown."""
+    """Means over the legs of one phase; None if unknown."""
 
     depth_rate: float
     """[m/s] Depth rate, positive down"""
@@ -195,7 +195,7 @@ class PhaseFigures:
     heading_sd: float | None
     """[deg] RMS distance of the heading from its target"""
     heading_bias: float | None
-    """[deg] Mean heading less the target"""
+    """[deg] Mean heading minus its target"""
     parts: Mapping[str, float]
     """Mean positions of the parts, in the units of stores"""
     oscillation: Oscillation | None
@@ -215,7 +215,7 @@ class PhaseFigures:
 
 
 def phase_figures(legs: Sequence[FigureSamples]) -> PhaseFigures | None:
-    """Figures over the legs of one phase; None where none has enough steady samples."""
+    """Compute the figures of one phase; None if no leg has enough steady samples."""
     legs = [leg for leg in legs if leg.steady.sum() >= 2]
     if sum(int(leg.steady.sum()) for leg in legs) < LEAST_SAMPLES:
         return None
@@ -247,13 +247,13 @@ def phase_figures(legs: Sequence[FigureSamples]) -> PhaseFigures | None:
         heading_sd=rms(error) if error.size >= LEAST_SAMPLES else None,
         heading_bias=usual(error),
         parts={name: float(np.mean(np.concatenate(held))) for name, held in parts.items()},
-        oscillation=limit_cycle(swings, OFTEN),
+        oscillation=limit_cycle(swings, LEAST_LEGS),
     )
 
 
 def settled(leg: FigureSamples) -> Mask:
-    """Mask of steady samples after each turn: the heading has been near its new target, or the
-    slowest turn would have reached it, and SETTLING has passed."""
+    """Mask of steady samples: after each turn the heading has reached its new target, or the
+    slowest turn would have, and SETTLING has passed."""
     if "heading_error" not in leg.series:
         return leg.steady
     target, error = leg.series["heading_target"], np.abs(leg.series["heading_error"])
@@ -272,8 +272,8 @@ def settled(leg: FigureSamples) -> Mask:
 def turn_per_actuator(legs: Sequence[FigureSamples]) -> float | None:
     """Slope of turn rate [deg/s] on the turning part's position [deg]; None if not determined.
 
-    The position acts through a first-order lag, the one of TURN_LAGS with the largest correlation.
-    The mean of each leg is taken off: a turn with the part at 0 is no effect of the part.
+    The position acts through the first-order lag of TURN_LAGS with the largest correlation.
+    The mean of each leg is subtracted, since a turn with the part at 0 is no effect of the part.
     """
     rates, positions = [], []
     for leg in legs:
@@ -297,7 +297,7 @@ def turn_per_actuator(legs: Sequence[FigureSamples]) -> float | None:
 
 
 def _fit(rate: Array, position: Array) -> tuple[float, float]:
-    """Slope and correlation of rate on position; 0 where the part hardly moved."""
+    """Slope of rate on position, and their correlation; 0 if the part hardly moved."""
     moved, turned = float(np.mean(position**2)), float(np.mean(rate**2))
     if moved < LEAST_MOVED**2 or turned == 0.0:
         return 0.0, 0.0
@@ -324,7 +324,7 @@ def oscillation_of(name: str, values: Array, period: float) -> Oscillation | Non
 
     Args:
       name: name of the signal, a key of LEAST_AMPLITUDE.
-      values: deviation from the target [deg], equally spaced, (time,).
+      values: signal minus target [deg], equally spaced, (time,).
       period: [s] between samples.
     """
     count = len(values)
@@ -343,7 +343,7 @@ def oscillation_of(name: str, values: Array, period: float) -> Oscillation | Non
     early, late = (float(np.std(swing[part])) for part in (slice(half), slice(half, None)))
     amplitude = float(np.sqrt(2.0 * share * np.mean(swing**2)))
     growth = late / early if early > 0.0 else float("inf")
-    if amplitude < LEAST_AMPLITUDE[name] or share < SHARE or growth < LASTING:
+    if amplitude < LEAST_AMPLITUDE[name] or share < SHARE or growth < LEAST_GROWTH:
         return None
     return Oscillation(
         signal=name, period_s=count * period / peak, amplitude_deg=amplitude, growth=growth, legs=1
@@ -353,11 +353,11 @@ def oscillation_of(name: str, values: Array, period: float) -> Oscillation | Non
 def limit_cycle(
     legs: Sequence[Mapping[str, Oscillation | None]], least: float
 ) -> Oscillation | None:
-    """Largest oscillation among those that enough of the legs show, as medians over these legs.
+    """Select the largest oscillation that enough legs show; its numbers are these legs' medians.
 
     Args:
       legs: for each leg, the results of `oscillation_of` by signal.
-      least: fraction of the legs that is enough.
+      least: [1] fraction of the legs that must show the oscillation.
     """
     found = []
     for name in LEAST_AMPLITUDE:

@@ -1,8 +1,8 @@
-"""Log flight: flights of the twin on the targets of logged dives, leg by leg and depth by depth.
+"""Log flight: simulated flights of a vehicle file with the targets of logged dives, leg by leg.
 
-`fly_turns` flies the twin with the positions of the log's turning part, so that both have the same
-input. In closed loop a twin in calm water hardly moves its rudder, while the log's works against
-waves and a compass's noise. Pitch and pump stay in closed loop; nothing controls the heading.
+`fly_turns` repeats the logged positions of the turning part, so that log and twin have the same
+input. Under guidance, the twin's rudder would hardly move in calm water, while the log's rudder
+works against waves and compass noise. Pitch and pump stay under guidance; the heading is free.
 """
 
 from __future__ import annotations
@@ -40,26 +40,26 @@ from twin.vehicle.vehicle import Vehicle
 from twin.water.density import DensityProfile
 
 SHALLOWEST = 2.0
-"""[m] Depth at which a twin starts and its climbs end: above it the hull breaks the surface"""
+"""[m] Depth at which a simulated dive starts and ends; above, the hull would break the surface"""
 BIN = 2.0
 """[m] Thickness of the layers of the log's density profile"""
 SAMPLE_PERIOD = 1.0
-"""[s] Time between the twin's samples: the period of roll is about ten seconds"""
+"""[s] Time between the twin's samples: short against the roll's period of about ten seconds"""
 PATIENCE = 2.0
-"""Longest duration of the twin's dive over the log's"""
-LOOK = 10.0
+"""Longest duration of the twin's dive, as a multiple of the log's"""
+CHECK_PERIOD = 10.0
 """[s] Time between checks for the end of a dive"""
-BEYOND = 0.05
-"""Fraction of its travel by which the log's pump may exceed the vehicle file's"""
+PUMP_MARGIN = 0.05
+"""[1] Largest distance of the log's pump beyond the vehicle file's travel, in travels"""
 
 
 def fly_dives(
     vehicle: Vehicle, dives: Sequence[ReplayedDive], engine: str = "mujoco"
 ) -> list[Trajectory | SimulationUnstable]:
-    """Flights of the twin on each dive's targets; an unstable flight is the error that ended it.
+    """Fly the targets of each dive; an unstable flight gives the error that ended it.
 
     Args:
-      engine: engine of `Scenario`; with "lanes" the dives fly side by side.
+      engine: engine of `Scenario`; with "lanes" the dives are simulated as a batch.
 
     Raises:
       InputError: a logged pump position is beyond the vehicle's pump.
@@ -83,8 +83,8 @@ def fly_dives(
 
 
 def _fly(simulation: Simulation, row: int) -> Trajectory:
-    """Fly one dive until its mission is done or PATIENCE times the log's duration has passed."""
-    steps = max(1, round(LOOK / simulation.model.opt.timestep))
+    """Fly one dive until its mission is done or the scenario's duration is over."""
+    steps = max(1, round(CHECK_PERIOD / simulation.model.opt.timestep))
     for _ in range(-(-simulation.steps // steps)):
         if simulation.failed or state(simulation.data)["guidance"][DONE]:
             break
@@ -97,7 +97,7 @@ def scenario_of(
 ) -> Scenario:
     """Scenario of a dive for `duration` [s]: its targets as a mission, its water and its start.
 
-    Without `plan` it has no mission, for a controller that has one.
+    Without `plan` the scenario has no mission, for a controller that brings its own.
     """
     first = dive.targets[0]
     leg = first.leg
@@ -105,10 +105,10 @@ def scenario_of(
     heading = 0.0 if dive.heading is None else math.radians(dive.heading[leg.first] % 360.0)
     pump = vehicle.steered("buoyancy")
     assert pump is not None
-    actuators = {pump.name: _within(vehicle, first.pieces[0].pump, dive.row)}
+    actuators = {pump.name: _limited_pump(vehicle, first.pieces[0].pump, dive.row)}
     slide = vehicle.steered("pitch")
     if slide is not None:
-        # trimmed for the first target: an encoder's zero may be far from any trim
+        # start in trim for the first target: the encoder's zero can be far from trim
         net = vehicle.net_mass_for_pump(actuators[pump.name])
         place = steady_glide(vehicle, math.radians(first.pitch), net).shift
         actuators[slide.name] = min(max(place, slide.low), slide.high)
@@ -130,7 +130,7 @@ def scenario_of(
 
 
 def mission_of(vehicle: Vehicle, dive: ReplayedDive) -> Mission:
-    """Mission of a dive: a saw-tooth for each section of a leg, ended by depth."""
+    """Mission of a dive: a saw-tooth for each section of a leg; depths end the sections."""
     segments: list[SawTooth] = []
     top, bottom = SHALLOWEST, 0.0
     for index, target in enumerate(dive.targets):
@@ -152,7 +152,7 @@ def mission_of(vehicle: Vehicle, dive: ReplayedDive) -> Mission:
                     max_depth_m=bottom,
                     until_depth_m=min(max(until, top), bottom),
                     heading_deg=piece.heading,
-                    **_ways(vehicle, dive, index, piece),
+                    **_glides(vehicle, dive, index, piece),
                 )
             )
     last = segments[-1]
@@ -172,7 +172,7 @@ def segment_legs(dive: ReplayedDive) -> list[int]:
 def legs_flown(dive: ReplayedDive, trajectory: Trajectory) -> Array:
     """Index of the log's leg that the twin was flying at each of its samples, (time,).
 
-    -1 after the last leg: a mission that holds goes on with its last segment.
+    The index is -1 after the last leg, when the mission holds its last segment.
     """
     legs = segment_legs(dive)
     segment = np.nan_to_num(trajectory["commanded_segment"], nan=0.0).astype(int)
@@ -188,7 +188,7 @@ def legs_flown(dive: ReplayedDive, trajectory: Trajectory) -> Array:
 
 
 def water_of(dive: ReplayedDive) -> DensityProfile:
-    """Water over depth: medians of the log's values in layers."""
+    """Density profile: medians of the log's densities in layers of `BIN`."""
     depths, density = layers(dive.depth, dive.water[0], BIN)
     columns = [density, *(layers(dive.depth, one, BIN)[1] for one in dive.water[1:])]
     if dive.measured.any():
@@ -205,7 +205,7 @@ FlownTurn = tuple[ReplayedDive, Trajectory, Array]
 
 
 class _Turned:
-    """Controller: guidance, with the log's positions of the turning part from each leg's start."""
+    """Controller with guidance that repeats the log's turning positions from each leg's start."""
 
     def __init__(self, vehicle: Vehicle, dive: ReplayedDive, follow: FollowedPositions):
         self._guidance = MissionController(mission_of(vehicle, dive), vehicle)
@@ -213,7 +213,7 @@ class _Turned:
         self._part = vehicle.part_names[follow.part]
         self._table, self._memory = follow.table(), np.zeros(MEMORY)
         self.begun: list[tuple[float, int]] = []
-        """Start [s] and index of each leg, -1 for the end"""
+        """Start [s] and index of each leg; index -1 after the last"""
 
     def __call__(self, observation: Observation) -> Command:
         command = self._guidance(observation)
@@ -240,13 +240,13 @@ def fly_turns(
     turning: Turning,
     engine: str = "mujoco",
 ) -> tuple[list[FlownTurn], list[SimulationUnstable]]:
-    """Flights with the positions of the log's turning part, and the errors of unstable ones.
+    """Fly with the log's turning positions; return flights, and errors of unstable flights.
 
     Args:
-      flown: dives with positions of the turning part, each with the twin's flight in closed loop,
-        whose duration is taken.
+      flown: dives with positions of the turning part, each with the twin's flight under guidance,
+        which sets the duration.
       turning: turning part of the same type as the log's.
-      engine: engine of `Scenario`; with "lanes" the dives fly side by side.
+      engine: engine of `Scenario`; with "lanes" the dives are simulated as a batch.
     """
     follow = [_followed(vehicle, dive, turning) for dive, _ in flown]
     lanes = engine == "lanes"
@@ -288,8 +288,8 @@ def _followed(vehicle: Vehicle, dive: ReplayedDive, turning: Turning) -> Followe
     )
 
 
-def _ways(vehicle: Vehicle, dive: ReplayedDive, index: int, piece: DivePiece) -> dict[str, float]:
-    """Pitch and net mass of a section in its own phase, and its neighbour's for the other."""
+def _glides(vehicle: Vehicle, dive: ReplayedDive, index: int, piece: DivePiece) -> dict[str, float]:
+    """Pitch and net mass of a section in its phase; the other phase has its neighbour's."""
     mine = dive.targets[index]
     beside = dive.targets[index + 1 : index + 2] or dive.targets[max(index - 1, 0) : index]
     found: dict[str, float] = {}
@@ -317,7 +317,7 @@ def _pitch(target: Target, row: int) -> float:
 
 def _net_mass(vehicle: Vehicle, target: Target, pump: float, row: int) -> float:
     """Magnitude [kg] of a leg's net mass at reference density with its pump at `pump` [cm3]."""
-    net = vehicle.net_mass_for_pump(_within(vehicle, pump, row))
+    net = vehicle.net_mass_for_pump(_limited_pump(vehicle, pump, row))
     signed = net if target.leg.phase == "dive" else -net
     if signed <= 0.0:
         raise InputError(
@@ -332,11 +332,11 @@ def _verb(target: Target) -> str:
     return "dives" if target.leg.phase == "dive" else "climbs"
 
 
-def _within(vehicle: Vehicle, position: float, row: int) -> float:
-    """Logged pump position [cm3], cut to the travel of the vehicle's pump."""
+def _limited_pump(vehicle: Vehicle, position: float, row: int) -> float:
+    """Logged pump position [cm3], limited to the travel of the vehicle's pump."""
     pump = vehicle.steered("buoyancy")
     assert pump is not None
-    slack = BEYOND * (pump.high - pump.low)
+    slack = PUMP_MARGIN * (pump.high - pump.low)
     if not pump.low - slack <= position <= pump.high + slack:
         raise InputError(
             f"dive {row}: the log's pump is at {position:.0f} cm3, that of vehicle "

@@ -70,7 +70,7 @@ class Record:
     heading: Array
     """[rad] Heading from true north by the compass, unwrapped"""
     rates: Array
-    """[rad/s] Roll, pitch, yaw rate, body FRD, (3, time); of a run less the gyroscopes' biases"""
+    """[rad/s] Roll, pitch, yaw rate, body FRD, (3, time); of a run minus the gyroscopes' biases"""
     use: Mask
     """True for samples that are compared with the model: under water and measured"""
 
@@ -94,9 +94,9 @@ class Log(Record):
     displacement: tuple[float, float] | None
     """[m] North and east over ground between the fixes"""
     follows: bool
-    """True where the dive before it in the list ended shortly before: their currents are alike."""
+    """True if the previous dive in the list ended shortly before: both currents are alike."""
     powered: bool = False
-    """True where a thruster propelled the dive"""
+    """True if a thruster propelled the dive"""
 
     @property
     def duration(self) -> float:
@@ -115,7 +115,7 @@ class Log(Record):
 
 
 def check_channels(store: MissionStore, task: str = "identification") -> None:
-    """Raise StoreError where a store lacks a channel that a flight model reads.
+    """Raise StoreError if a store lacks a channel that a flight model reads.
 
     Args:
       task: purpose, for the error's text.
@@ -372,7 +372,7 @@ def start_vehicle(store: str | StorePath) -> Vehicle:
 
 
 def other_kind(store: str | StorePath, vehicle: Vehicle, kind: str = "") -> str:
-    """Warning where a vehicle is of another type than the log; empty otherwise.
+    """Warning if a vehicle is of another type than the log; empty otherwise.
 
     A vehicle made from a shipped file keeps its model's name. Other names say nothing of the type.
 
@@ -401,7 +401,7 @@ def _said(store: MissionStore) -> list[str]:
 
 
 def _kind(store: MissionStore) -> str | None:
-    """Type of glider that a log names; None where it names none."""
+    """Type of glider that a log names; None if it names none."""
     return _glider(*_said(store))
 
 

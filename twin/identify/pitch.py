@@ -6,11 +6,11 @@ At rest about the pitch axis the moments of weight, of the pumped volume and of 
     righting * tan(pitch) = - cos(roll) * (first - density * pumped volume * pump_position)
         + (K_M0 V^2 + (K_M + Z_A - X_A) alpha V^2) / (g cos(pitch)),
 
-with `first` the first moment of the masses along the hull [kg m], which the battery's position
-changes, `righting` the moment below the centre of buoyancy, which a turned battery lessens, and
-Z_A - X_A the Munk moment of the added mass. Positions of battery and pump are inputs and the pitch
-is the output, so the pitch is compared: its noise then does not bias the righting arm. Effects of
-pump and water separate where the buoyancy changes with depth while the pump rests.
+`first` is the first moment of the masses along the hull [kg m], which the battery's position
+changes. `righting` is their moment below the centre of buoyancy, which a turned battery reduces.
+Z_A - X_A is the Munk moment of the added mass. Battery and pump are inputs and the pitch is the
+output: its noise then does not bias the righting arm. Effects of pump and water can be separated if
+the buoyancy changes with depth while the pump rests.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ LEAST_PITCH = np.deg2rad(0.5)
 INDEPENDENT = 600.0
 """[s] Time between independent observations: drifts of density and trim last that long"""
 PASSES = 4
-"""Number of fits; weights are set again after each"""
+"""Number of fits; weights are set again after each fit"""
 FIRST_DEVIATION = np.deg2rad(3.0)
-"""[rad] Standard deviation of the pitch with which a search starts"""
+"""[rad] Standard deviation of the pitch in the first fit"""
 LEAST_OBSERVATIONS = 4
 """Fewest observations of dives, and of climbs, for a fit of the pitch"""
 
@@ -65,9 +65,9 @@ def with_righting_arm(calibration: Calibration, arm: float) -> Calibration:
 
 
 def munk_moment(calibration: Calibration, axis: int = 1) -> float:
-    """Munk moment [kg] of the hull over the product of both speeds.
+    """Munk moment of the hull divided by the product of both speeds [kg].
 
-    Axis 1: yaw by sideslip, Y_A - X_A, over u v. Axis 2: pitch, Z_A - X_A, over u w.
+    Axis 1: yaw moment / (u v) is Y_A - X_A. Axis 2: pitch moment / (u w) is Z_A - X_A.
     """
     added = calibration.vehicle.added_mass
     return float(max(added[axis, axis] - added[0, 0], 1e-3 * calibration.vehicle.mass))
@@ -88,17 +88,17 @@ def _with_pump(calibration: Calibration, x: float) -> Calibration:
 
 # fmt: off
 PITCHING = (
-    # encoders are zeroed in the workshop: in effect free
+    # a wide spread: encoders have any zero from the workshop
     UnknownParameter(
         "shift_offset", "mm", "battery position less the vehicle file's, at encoder zero",
         100.0, lambda c: c.vehicle.battery.neutral_x / MILLI,
         lambda c, x: c.with_vehicle(battery={"neutral_x": MILLI * x})),
-    # trimmed with lead: 3 to 8 mm
+    # spread: vehicles are trimmed with lead to 3 to 8 mm
     UnknownParameter(
         "righting_arm", "mm", "centre of gravity below the centre of buoyancy",
         0.5, lambda c: righting_arm(c) / MILLI,
         lambda c, x: with_righting_arm(c, MILLI * x), logarithmic=True),
-    # nose of a Slocum 0.6 m forward, bladder of a Seaglider as far aft
+    # spread: a Slocum's pump is 0.6 m forward, a Seaglider's bladder as far aft
     UnknownParameter(
         "pump_position", "m", "pumped volume forward of the centre of buoyancy",
         0.5, lambda c: pump_of(c).position[0], _with_pump),
@@ -108,7 +108,7 @@ PITCHING = (
         0.5, "pitch_moment", 1, lambda c: munk_moment(c, 2), channel="density"),
 )
 # fmt: on
-"""Parameters of a twin that pitches as the log"""
+"""Parameters that can be fitted to the pitch of a log"""
 NAMES = tuple(p.name for p in PITCHING)
 
 
@@ -132,7 +132,7 @@ class PitchObservations(NamedTuple):
 
 
 def observations(log: Log, calibration: Calibration) -> PitchObservations:
-    """Observations of a log's steady parts; none where the battery's position is not known."""
+    """Observations of a log's steady parts; none if the battery's position is unknown."""
     columns = [np.zeros(0)] * 7
     length = max(round(LENGTH / log.period), 2)
     steady = log.use & steady_parts(log)
@@ -170,7 +170,7 @@ def balanced_pitch(seen: PitchObservations, calibration: Calibration) -> Array:
 
 
 class Pitches(Comparison):
-    """Channel "pitch" [rad] of steady parts: pitch at which the moments balance, less measured."""
+    """Residuals "pitch" [rad] of steady parts: balanced pitch minus measured pitch."""
 
     def __init__(
         self,
@@ -180,7 +180,7 @@ class Pitches(Comparison):
     ):
         self.logs = logs
         self.seen = [observations(log, nominal) for log in logs]
-        # speeds are the flight model's; parameters of PITCHING do not change them
+        # other parameters than PITCHING change the flight model's speeds: compute them again
         self.flies = any(p.name not in NAMES for p in parameters)
         channel = ComparedQuantity(
             unit="rad", least=float(LEAST_PITCH), samples=INDEPENDENT / LENGTH
@@ -189,12 +189,12 @@ class Pitches(Comparison):
 
     @property
     def enough(self) -> bool:
-        """True where dives and climbs have observations enough for a fit."""
+        """True if dives and climbs have enough observations for a fit."""
         pitch = np.concatenate([self.nominal.true_pitch(one.pitch) for one in self.seen])
         return min((pitch < 0.0).sum(), (pitch > 0.0).sum()) >= LEAST_OBSERVATIONS
 
     def missed(self, x: Array) -> dict[str, list[Array]]:
-        """Model less log, see the base."""
+        """Residuals, model minus log (see `Comparison`)."""
         calibration, seen = self.calibration(x), self.seen
         if self.flies:
             seen = [observations(log, calibration) for log in self.logs]
@@ -208,15 +208,15 @@ class Pitches(Comparison):
 def balanced(logs: Sequence[Log], nominal: Calibration) -> Fitted | None:
     """Fit battery zero, righting arm, pump position and pitch moment to the steady parts.
 
-    None where the logs have no battery positions, or too little steady flight of a phase.
+    The result is None without battery positions, or with too little steady flight in a phase.
     """
-    # without a CTD the change of buoyancy with depth is unknown, and the moment would take it up
+    # without a CTD the change of buoyancy with depth is unknown, and would bias the pitch moment
     blind = any(log.density is None for log in logs)
     parameters = tuple(p for p in PITCHING if not (blind and p.channel == "density"))
     pitches = Pitches(logs, nominal, parameters)
     if not pitches.enough:
         return None
-    # far from the battery's zero every balanced pitch is near 90 deg, and small weights find it
+    # far from the battery's zero every balanced pitch is near 90 deg: start with small weights
     x = np.zeros(pitches.size)
     first = {"pitch": ResidualNoise(deviation=float(FIRST_DEVIATION), samples=1.0)}
     x, _ = pitches.fit(x, PASSES, first=first, max_nfev=50)

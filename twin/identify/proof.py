@@ -28,31 +28,31 @@ from twin.vehicle.vehicle import Vehicle
 from twin.water.density import DensityProfile
 
 STEERED, LEAST_TURN = 0.25, math.radians(0.02)
-"""Fraction of its travel by which the turning part moves; [rad/s] least turn rate for it"""
+"""Fraction of its travel by which the turning part is moved; [rad/s] least turn rate by this"""
 COURSE = 30.0
 """[deg] Change of heading at the start of the flight"""
 MOST_SD, MOST_ERROR = 2.0, 3.0
-"""[deg] Largest standard deviation and largest mean error of heading and pitch once settled"""
+"""[deg] Largest standard deviation, and largest mean error, of settled heading and pitch"""
 PART = 0.5
-"""[1] Last fraction of a dive and of a climb that is judged"""
+"""[1] Fraction at the end of a dive and of a climb that is judged"""
 LONGEST, SHORTEST = 1500.0, 600.0
 """[s] Longest and shortest duration of a dive and of a climb of the flight"""
 START_DEPTH = 10.0
 """[m] Depth at which the flight starts"""
 SLOWEST_RATE = 0.02
-"""[m/s] Depth rate below which a vehicle does not fly"""
+"""[m/s] Least depth rate of a flying vehicle"""
 SAMPLE, DRIVEN_SAMPLE = 2.0, 0.5
 """[s] Time between samples of a glider's flight and of a propelled vehicle's"""
 DEPTHS, COURSES = (15.0, 25.0), (0.0, 90.0)
 """[m], [deg] Depths and headings of the two legs of a propelled vehicle"""
 LENGTH, JUDGED = 60.0, 0.25
-"""Length of each leg in hull lengths; last fraction of it that is judged"""
+"""Length of each leg in hull lengths; fraction at the leg's end that is judged"""
 MOST_DEPTH, MOST_HEADING, MOST_SPEED = 1.0, 3.0, 0.05
-"""[m], [deg], [1] Largest mean error of depth and heading, and of speed over the speed"""
+"""[m], [deg], [1] Largest mean error of depth and of heading, and relative error of speed"""
 
 
 def failures(calibration: Calibration, phases: Sequence[Phase]) -> tuple[str, ...]:
-    """Sentences on the failures of a vehicle in these phases; empty when it flies."""
+    """Fly a vehicle in these phases; return a sentence on each failed test."""
     vehicle = calibration.vehicle
     found: list[str] = []
     for phase in phases:
@@ -92,7 +92,7 @@ def _phase(vehicle: Vehicle, phase: Phase) -> list[str]:
 
 
 def _spiral(vehicle: Vehicle, phase: Phase, positions: Array, gain: float) -> list[str]:
-    """Failure of the turning part to turn the vehicle as its linear gain [rad/s per unit]."""
+    """Sentence if the turning part does not turn the vehicle by its linear gain [rad/s / unit]."""
     part = vehicle.steered("heading")
     assert part is not None
     named = dict(zip(vehicle.part_names, positions.tolist(), strict=True))
@@ -135,7 +135,7 @@ def _flight(vehicle: Vehicle, phases: Sequence[Phase]) -> list[str]:
             ),
         ),
     )
-    # the density grows as the hull shrinks, so that the trims' buoyancy holds at every depth
+    # the density grows with depth as fast as the hull shrinks: the buoyancy of the trim is constant
     depth = np.array([0.0, 2000.0])
     pressure = vehicle.reference_density * vehicle.gravity * depth
     density = vehicle.reference_density / (1.0 - vehicle.hull_compressibility * pressure)
@@ -165,7 +165,7 @@ def _held(
 ) -> list[str]:
     depth, heading, pitch = (flown[f"true_{name}"] for name in ("depth", "heading", "pitch"))
     bottom = int(np.argmax(depth))
-    turned = int(np.argmax(depth >= deepest))  # here the pump starts; the dive goes on for minutes
+    turned = int(np.argmax(depth >= deepest))  # the pump starts; the vehicle sinks on for minutes
     end = bottom + int(np.argmax(depth[bottom:] < 6.0)) if (depth[bottom:] < 6.0).any() else 0
     if end <= bottom:
         return ["it does not come up from its dive"]
@@ -188,7 +188,7 @@ def _held(
 
 
 def driven_failures(calibration: Calibration, speed: float) -> tuple[str, ...]:
-    """Sentences on the failures of a propelled vehicle at a speed [m/s]; empty when it flies."""
+    """Fly a propelled vehicle at a speed [m/s]; return a sentence on each failed test."""
     vehicle = calibration.vehicle
     duration = max(LENGTH * vehicle.hull_length / speed, 60.0)
     plan = Mission(

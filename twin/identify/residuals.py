@@ -1,15 +1,15 @@
-"""Residuals of dives, model less log: vertical velocity, pitch and turn, for fits and recursions.
+"""Residuals of dives, model minus log: vertical velocity, pitch and turns, for any other fit.
 
     noise = noise_of_dives(logs[:6], calibration)
-    said = dive_residuals([logs[6]], calibration, choose(["neutral_density", "drag"]), noise)
-    said.information()                                    # of the unknowns, and the step's slope
+    found = dive_residuals([logs[6]], calibration, choose(["neutral_density", "drag"]), noise)
+    found.information()                                   # J^T J and J^T r, to add up over dives
 
-`DepthRates` compares the vertical velocity at every sample under water and, where a store has
-fixes, the depth-averaged current of each mission with that of the mission before, which a wrong
-angle of attack or compass makes jump as the vehicle turns.
+`DepthRates` compares the vertical velocity at every sample under water. If a store has fixes, it
+also compares the depth-averaged currents of successive dives: a wrong angle of attack or compass
+makes them jump when the vehicle turns.
 
 `dive_residuals` has all residuals that `twin identify` minimises (`twin.identify.comparison`). Here
-every parameter may change each of them. Drag, for one, changes the speed, the pitch at which the
+every parameter may change each residual. For example, drag changes the speed, the pitch at which
 moments balance, and the glide about which turns are linearised.
 """
 
@@ -38,11 +38,11 @@ LEAST_CURRENT_CHANGE = 0.01
 LONGEST_CORRELATION = 600.0
 """[s] Longest lag over which autocorrelation is summed: half of a long dive"""
 FIRST_DEVIATION = 0.01
-"""[m/s] Standard deviation of the depth rate with which a search starts"""
+"""[m/s] Standard deviation of the depth rate in the first fit"""
 
 
 class DepthRates(Comparison):
-    """Channels "depth_rate" [m/s] of every log and "current" [m/s] of each pair with fixes."""
+    """Residuals "depth_rate" [m/s] of every log and "current" [m/s] of each pair with fixes."""
 
     def __init__(
         self,
@@ -73,11 +73,11 @@ class DepthRates(Comparison):
         self._kept: dict[tuple[tuple[UnknownParameter, ...], bytes], list[Translation]] = {}
 
     def missed(self, x: Array) -> dict[str, list[Array]]:
-        """Model less log, see the base."""
+        """Residuals, model minus log (see `Comparison`)."""
         return next(self.missed_at([x]))
 
     def missed_at(self, places: Sequence[Array]) -> Iterator[dict[str, list[Array]]]:
-        """Yield `missed` at each place; `ABREAST` places fly side by side."""
+        """Yield `missed` at each place; `ABREAST` places are computed at once."""
         for k in range(0, len(places), ABREAST):
             some = [(x, self.calibration(x)) for x in places[k : k + ABREAST]]
             keys = [self._key(x) for x, _ in some]
@@ -92,14 +92,14 @@ class DepthRates(Comparison):
                 yield {"depth_rate": rates, "current": self._current_changes(*pair)}
 
     def _key(self, x: Array) -> tuple[tuple[UnknownParameter, ...], bytes]:
-        """Key of the motions at these offsets, without the compass, which changes no motion."""
+        """Cache key of the motions at these offsets, without the compass, which changes none."""
         moving = [not p.name.startswith("heading") for p in self.parameters]
         return self.parameters, x[np.array(moving, bool)].tobytes()
 
     def _depth_rates(
         self, pairs: Sequence[tuple[Calibration, list[Translation]]]
     ) -> list[list[Array]]:
-        """Model less measured [m/s] at the used samples of each log, for each calibration."""
+        """Model minus measured [m/s] at the used samples of each log, for each calibration."""
         out: list[list[Array]] = [[] for _ in pairs]
         for k, (log, mask) in enumerate(zip(self.logs, self.masks, strict=True)):
             sinks = [
@@ -131,12 +131,12 @@ class DiveResiduals:
     """Columns of each Jacobian, in spreads: names of the parameters, then of the biases of
     `twin.identify.turning_fit`"""
     channels: Mapping[str, Residuals]
-    """"depth_rate" [m/s], and where the log has enough of them "pitch" [rad], "yaw_rate" [rad/s]
-    and "roll" [rad]"""
+    """"depth_rate" [m/s], and if the log has enough of them "pitch" [rad], "yaw_rate" [rad/s] and
+    "roll" [rad]"""
 
     def information(self) -> tuple[Array, Array]:
-        """J^T J, (unknowns, unknowns), and J^T r, (unknowns,), of all residuals over their standard
-        deviations. Their sums over dives belong to a fit to all of the dives."""
+        """J^T J, (unknowns, unknowns), and J^T r, (unknowns,), of all residuals divided by their
+        standard deviations. For a fit to several dives, add those of the dives."""
         size = len(self.unknowns)
         matrix, slope = np.zeros((size, size)), np.zeros(size)
         for one in self.channels.values():
@@ -152,17 +152,17 @@ def dive_residuals(
     parameters: Sequence[UnknownParameter],
     noise: Mapping[str, ResidualNoise] | None = None,
 ) -> DiveResiduals:
-    """Residuals of dives, model less log, their deviations and their Jacobian at a calibration.
+    """Residuals of dives, model minus log, with standard deviations and Jacobian at a calibration.
 
     Args:
       logs: one dive, or several of one vehicle and sample period.
-      calibration: point at which residuals and slopes are taken.
+      calibration: point at which residuals and slopes are computed.
       parameters: any of `twin.identify.unknowns`, `pitch.PITCHING` and `turning_fit.TURNING`.
-      noise: noise of each channel in earlier dives (`noise_of_dives`); the noise of a channel that
-        is not in it comes from these dives.
+      noise: noise of each channel in earlier dives (`noise_of_dives`); channels that it lacks have
+        the noise of these dives.
 
     Raises:
-      InputError: the calibration does not fly.
+      InputError: the vehicle cannot fly with the calibration.
     """
     names = tuple(p.name for p in parameters)
     unknowns = (*names, *biases_beside(names))

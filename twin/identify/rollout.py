@@ -1,10 +1,10 @@
-"""Rollout: the full MuJoCo twin on logged actuator positions, refined by batched least squares.
+"""Rollout: simulation of the full twin with logged actuator positions, fitted by least squares.
 
-The flight model takes the attitude from the log; the twin computes its own. Windows of the log are
-flown again from the flight model's state at their beginning, with the logged battery and pump as
+The flight model takes the attitude from the log; the twin computes the attitude too. Windows of the
+log are simulated from the flight model's state at their start, with the logged battery and pump as
 commands. Depth rate and pitch of the twin are compared with the logged ones. The pitch adds the
 parameters of the moments (`twin.identify.pitch`): positions of battery, centre of gravity and pump.
-All windows and all steps of the finite differences fly side by side in one batch.
+All windows and all steps of the finite differences are one batch.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from twin.physics.start import Start
 from twin.water.density import DensityProfile
 
 WINDOWS_S = (400.0, 200.0, 100.0)
-"""[s] Lengths of a rollout that are tried. In longer ones the twin's depth leaves the water of the
-log; shorter ones are for dives too short for ENOUGH_WINDOWS."""
+"""[s] Durations of a window that are tried. In longer windows the twin's depth would leave the
+log's; shorter windows are for dives that are too short for ENOUGH_WINDOWS."""
 ENOUGH_WINDOWS = 4
 SETTLE_S = 30.0
-"""[s] Time at the start of a window that is not compared: the start is an estimate."""
+"""[s] Time at the start of a window that is not compared: its initial state is an estimate."""
 MOST_WINDOWS = 12
 LEAST_DEPTH = 10.0
 """[m] Least depth at the start of a window"""
@@ -44,13 +44,13 @@ REFINED = ("neutral_density", "drag", "lift_ratio", "compressibility")
 ITERATIONS = 6
 """Number of Gauss-Newton steps from the flight model's answer"""
 PARTS = (1.0, 0.5, 0.2, 0.05, 0.0)
-"""Fractions of a Gauss-Newton step that are tried side by side; the best is taken."""
+"""Fractions of a Gauss-Newton step that are tried in one batch; the best is used."""
 STEP = 0.02
 """Step of the finite differences in spreads, well above errors of the time step"""
 PROMPT_LAG, PROMPT_RATE = 0.2, 1e4
 """[s], [units/s] Lag and largest rate of actuators that follow the logged positions"""
 REACH = 10.0
-"""Distance in travels by which logged positions may lie beyond an actuator's ends"""
+"""[travels] Largest distance of logged positions beyond an actuator's ends"""
 PITCH_BIAS = np.deg2rad(0.3)
 """[rad] Standard deviation of the attitude sensor's bias between windows"""
 MOST_PITCH = np.deg2rad(3.0)
@@ -81,7 +81,7 @@ class Refinement:
 
 
 class _Window(NamedTuple):
-    """A part of a log with its water."""
+    """Window of a log with its water."""
 
     log: Log
     part: slice
@@ -170,7 +170,7 @@ def _offset(parameter: UnknownParameter, centre: float, calibration: Calibration
 
 
 def _windows(logs: Sequence[Log], calibration: Calibration) -> list[_Window]:
-    """Parts of the logs under water with battery positions, spread over all of them."""
+    """Windows of the logs under water with battery positions, spread over all logs."""
     found: list[_Window] = []
     for seconds in WINDOWS_S:
         found = [w for log in logs for w in _windows_of(log, calibration, seconds)]
@@ -206,7 +206,7 @@ def _missed(
 ) -> list[tuple[list[Array], list[Array]]]:
     """Residuals of depth rate [m/s] and pitch [rad] of each window, for each calibration.
 
-    All windows and calibrations fly in one batch.
+    All windows and calibrations are simulated in one batch.
     """
     flights = Fleet([_scenario(w, c) for c in calibrations for w in windows], threads=1).run()
     found = []
@@ -226,7 +226,7 @@ def _missed(
 
 
 def _weighted(missed: tuple[list[Array], list[Array]], scales: tuple[float, float]) -> Array:
-    """Residuals of depth rate and pitch of all windows over their scales, in one array."""
+    """Residuals of depth rate and pitch of all windows, divided by their scales, in one array."""
     (rates, pitches), (of_rates, of_pitches) = missed, scales
     return np.concatenate([*(r / of_rates for r in rates), *(p / of_pitches for p in pitches)])
 
@@ -244,7 +244,7 @@ def _scenario(window: _Window, calibration: Calibration) -> Scenario:
         place = vehicle.steered_index(control)
         if place is not None and values is not None:
             commands[:, place] = values[part]
-    # Half a sample early: a held position then lags the logged one by nothing on average.
+    # half a sample early: a held position then has no lag on average
     times = np.maximum(log.period * (np.arange(len(commands)) - 0.5), 0.0)
     times[0] = -log.period
     motion = motion_of(log, calibration)
@@ -280,9 +280,9 @@ def _scenario(window: _Window, calibration: Calibration) -> Scenario:
 
 
 def _scale(series: list[Array], period: float, least: float) -> float:
-    """Standard deviation by which correlated residuals count as independent ones.
+    """Standard deviation that gives correlated residuals the weight of independent ones.
 
-    `least` is that of an error that a whole window shares, such as a sensor's bias.
+    `least` is the standard deviation of an error of a whole window, such as a sensor's bias.
     """
     scale = robust_scale(np.concatenate(series))
     samples = correlation_samples(series, round(WINDOWS_S[0] / period))

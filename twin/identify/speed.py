@@ -26,7 +26,7 @@ FlightModel = Literal["flight", "steady"]
 MODELS: tuple[FlightModel, ...] = ("flight", "steady")
 
 LEAST_IMMERSION = 0.3
-"""[1] Wetted fraction of the hull at the surface: half of it, less the part that waves uncover"""
+"""[1] Wetted fraction of the hull at the surface: half, minus the fraction that waves uncover"""
 START_PITCH = np.deg2rad(5.0)
 """[rad] Least pitch at which depth rate and pitch give the speed at the first sample"""
 FASTEST_START = 1.0
@@ -34,7 +34,7 @@ FASTEST_START = 1.0
 STEADY_WINDOW = 10.0
 """[s] Window of the mean attitude in the steady model"""
 STEADY_MARGIN = 45.0
-"""[s] Time before and after a change of pump or pitch that is no steady flight"""
+"""[s] Time before and after a change of pump or pitch that does not count as steady flight"""
 STEADY_PUMP, STEADY_PITCH = 40.0, np.deg2rad(8.0)
 """[cm3], [rad] Change within the margin that ends a steady flight"""
 STEADY_LEAST_PITCH = np.deg2rad(10.0)
@@ -54,7 +54,7 @@ class SpeedEstimate:
     sink_rate: Array
     """[m/s] Downward velocity through the water: the vehicle's depth rate in still water"""
     water_rise: Array
-    """[m/s] Filtered depth rate less the model's: downward motion of the water plus model error"""
+    """[m/s] Filtered depth rate minus the model's: downward motion of the water plus model error"""
     velocity_north: Array
     """[m/s] Northward velocity through the water"""
     velocity_east: Array
@@ -95,7 +95,7 @@ def motion_of(
     *,
     start: Velocity | None = None,
 ) -> Translation:
-    """Velocity through the water, body FRD, of the model on a log.
+    """Velocity through the water, body FRD, by a flight model with a log's inputs.
 
     Args:
       start: velocity [m/s] at the first sample, by default that of `start_of`; the steady model
@@ -114,10 +114,10 @@ def motion_of(
 def motions_of(
     logs: Sequence[Log], calibrations: Sequence[Calibration], model: FlightModel = "flight"
 ) -> list[list[Translation]]:
-    """Motions of every log by every calibration, [calibration][log], computed side by side.
+    """Motions of every log by every calibration, [calibration][log], computed in batches.
 
     Raises:
-      InputError: as `motion_of`.
+      InputError: as for `motion_of`.
     """
     if model != "flight":
         return [[motion_of(log, one, model) for log in logs] for one in calibrations]
@@ -157,7 +157,7 @@ def _flight(log: Log, calibration: Calibration, start: Velocity | None = None) -
     pitch = calibration.true_pitch(log.pitch)
     x = np.clip((log.depth + 0.5 * vehicle.hull_diameter) / vehicle.hull_diameter, 0.0, 1.0)
     immersion = np.maximum(x * x * (3.0 - 2.0 * x), LEAST_IMMERSION)
-    # nose down at the surface, as a Seaglider waits, the tail stays out of the water for longer
+    # a Seaglider waits nose down at the surface, with its tail out of the water
     tail = vehicle.hull_length * np.maximum(-np.sin(pitch), 0.0)
     return AttitudeFlight(
         vehicle=vehicle,
@@ -269,7 +269,7 @@ def balance(
 
     Returns:
       Speed [m/s], angle of attack and sideslip [rad], and True where a steady motion exists. At an
-      inflection none does, as the weight does not pull along the hull. Each (time,).
+      inflection none exists, because no weight acts along the hull. Each (time,).
     """
     law = vehicle.flow_frame
     inertia = vehicle.mass * np.eye(3) + vehicle.added_mass[:3, :3]
@@ -302,7 +302,7 @@ def _balance(pull, roll, pitch, rates, inertia, law, found):  # type: ignore[no-
 
 @jit
 def balanced_forces(inertia, law, weight, turning, v, a, b):  # type: ignore[no-untyped-def]
-    """One step towards the balance from a speed [m/s], angle of attack and sideslip [rad].
+    """Iterate once towards the balance from a speed [m/s], angle of attack and sideslip [rad].
 
     Args:
       inertia: with added mass, (3, 3).
@@ -310,7 +310,7 @@ def balanced_forces(inertia, law, weight, turning, v, a, b):  # type: ignore[no-
       weight, turning: forces [N] and rates [rad/s], body FRD.
 
     Returns:
-      the force [N] along the path, positive where there is a balance, and the next three.
+      the force [N] along the path, positive if a balance exists, and the next three numbers.
     """
     c_a, s_a, c_b, s_b = math.cos(a), math.sin(a), math.cos(b), math.sin(b)
     surge, sway, heave = v * c_a * c_b, v * s_b, v * s_a * c_b

@@ -42,8 +42,8 @@ ABREAST = 8
 LONGEST_STEP = 1.0
 """[s] Longest Runge-Kutta step"""
 LONGEST_DECAY = 0.7
-"""Longest step over the time in which heave, the fastest motion, settles: a quarter of RK4's limit
-of stability (2.8). A light vehicle with much lift needs shorter steps than `LONGEST_STEP`."""
+"""Longest step as a fraction of the decay time of heave, the fastest motion: a quarter of RK4's
+stability limit (2.8). A light vehicle with much lift needs shorter steps than `LONGEST_STEP`."""
 MOST_STEPS = 1000
 """Largest number of steps between samples: a motion that needs more has diverged."""
 FASTEST = 5.0
@@ -94,7 +94,7 @@ class AttitudeFlight:
     period: float
     """[s] Time between samples"""
     net_mass: Array
-    """[kg] Mass less that of the displaced water, (time,); the immersed part displaces"""
+    """[kg] Mass minus that of the water displaced by the immersed volume, (time,)"""
     immersion: Array
     """[1] Wetted fraction of the hull, 0 to 1, (time,)"""
     roll: Array
@@ -167,7 +167,7 @@ BEFORE, AFTER, MASS, INVERSE, LAW = 0, NINE, 2 * NINE, 3 * NINE, 4 * NINE
 STATE = LAW + 3 * NINE
 PERIOD, STEP, STEPS, SETTLING = range(STATE + 3, STATE + 7)
 """Rows of the time between samples [s], the step [s], the number of steps, and the decay rate of
-the force of an angle of attack or sideslip, over speed [1/m]"""
+heave or sway divided by speed [1/m]"""
 ROWS = SETTLING + 1
 
 
@@ -199,7 +199,7 @@ def _acceleration(mass, inverse, law, before, after, part, u, v, w):  # type: ig
     q = before[5] + part * (after[5] - before[5])
     r = before[6] + part * (after[6] - before[6])
     fx, fy, fz, _, _, _ = fossen_wrench(law, 0.0, u, v, w, 0.0, 0.0, 0.0)
-    # the momentum turns with the body, which acts as a force
+    # the body's axes turn: the rotation of the momentum acts like a force
     hu = mass[0] * u + mass[1] * v + mass[2] * w
     hv = mass[3] * u + mass[4] * v + mass[5] * w
     hw = mass[6] * u + mass[7] * v + mass[8] * w
@@ -216,7 +216,7 @@ def _acceleration(mass, inverse, law, before, after, part, u, v, w):  # type: ig
 
 @jit(nogil=True)
 def _step(block, number):  # type: ignore[no-untyped-def]
-    """Advance by step `number` between two samples, by RK4; flights with fewer steps stay."""
+    """Make Runge-Kutta step `number` between two samples; flights with fewer steps wait."""
     for lane in range(ABREAST):
         before, after = _nine(block, BEFORE, lane), _nine(block, AFTER, lane)
         mass, inverse = _nine(block, MASS, lane), _nine(block, INVERSE, lane)
@@ -249,7 +249,7 @@ def _step(block, number):  # type: ignore[no-untyped-def]
 
 @jit(nogil=True)
 def _integrate(block, inputs):  # type: ignore[no-untyped-def]
-    """Velocities (time, 3, flight) from the block's start, inputs linear between samples."""
+    """Integrate velocities (time, 3, flight); inputs are interpolated linearly in time."""
     samples = inputs.shape[0]
     out = np.zeros((samples, 3, ABREAST))
     for lane in range(ABREAST):

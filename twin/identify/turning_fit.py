@@ -1,11 +1,11 @@
 """Turning fit: coefficients of a glider's turn and roll, fitted to the turns of a log.
 
-The linear lateral motion about its own glide flies every steady part of a log again
-(`twin.identify.linear_motion`). Residuals are those of the yaw rate, by the measured roll and
-rudder, and of the roll, by the battery's rotation. Dives and climbs have glides of their own, so
-that coefficients that change sign with the lift separate from the others. Single coefficients are
-less well determined than the turn. They start at the vehicle file's, scaled by its hull, and stay
-there where the log does not determine them.
+Every steady part of a log is simulated by the linear lateral motion about its median glide
+(`twin.identify.linear_motion`). The measured roll and rudder give a yaw rate, the battery's
+rotation gives a roll; the residuals are these minus the measured ones. Dives and climbs are
+linearised separately, so coefficients that change sign with the lift can be told from the others.
+Single coefficients are less certain than the turn rate. Each starts at the vehicle file's value,
+and stays there if the log does not determine it.
 """
 
 from __future__ import annotations
@@ -39,19 +39,19 @@ from twin.identify.unknowns import UnknownParameter, of_law
 LEAST_WINDOWS = 3
 """Fewest windows of a phase for a fit of its turns"""
 FARTHEST = 4.0
-"""Largest distance in spreads of a positive coefficient from the vehicle file's. Where turns give
-only a ratio of two, damping would otherwise grow until no time step is short enough."""
-SURE = 2.0
-"""Standard deviations by which the fit without a yaw moment of the hull must be worse for the hull
-to get one"""
+"""[spreads] Largest difference of a positive coefficient from the vehicle file's. If turns
+determine only a ratio of two, damping would else grow until no time step is short enough."""
+LEAST_SIGNIFICANCE = 2.0
+"""[standard deviations] Least significance of the hull's own yaw moment; below, the hull gets no
+moment"""
 ROUNDS = 2
-"""Fits of a battery's turns; later ones start from the neutral position of the one before"""
-STEERABLE = 0.8
-"""Fraction of its travel in which the neutral position lies, so that the part steers both ways"""
+"""Number of fits if a battery turns the vehicle; each starts at the last neutral position"""
+NEUTRAL_RANGE = 0.8
+"""Middle fraction of a part's travel for its neutral position, so that it steers both ways"""
 PASSES, MOST_LOOKS = 3, 15
-"""Number of fits, after each of which weights are set again; evaluations in each fit"""
+"""Number of fits, each with weights from the fit before; largest number of evaluations in a fit"""
 LEAST_TURN, LEAST_ROLL = math.radians(0.01), math.radians(0.3)
-"""[rad/s], [rad] Lower bounds of the standard deviations of yaw rate and roll, by rounding"""
+"""[rad/s], [rad] Lower bounds of the standard deviations of yaw rate and roll, for rounding"""
 START_YAW, START_DAMPING = (-2.0, -1.0, 0.0, 1.0), (0.0, 1.0)
 """Offsets in spreads of yaw moment and damping at which the search starts"""
 LONGEST_CORRELATION = 300.0
@@ -59,7 +59,7 @@ LONGEST_CORRELATION = 300.0
 
 
 def own_sideslip(calibration: Calibration) -> float:
-    """Yaw moment of the hull without sideslip, as the sideslip [rad] of an equal Munk moment."""
+    """Sideslip [rad] whose Munk moment equals the hull's yaw moment at no sideslip."""
     return float(calibration.vehicle.flow_frame.yaw_moment_offset[0]) / munk_moment(calibration)
 
 
@@ -70,7 +70,7 @@ def _side_scale(calibration: Calibration) -> float:
 
 
 def _with_authority(calibration: Calibration, value: float) -> Calibration:
-    """Set the battery's eccentricity by its authority; the righting arm of the whole is kept."""
+    """Set the battery's eccentricity from `roll_authority`; keep the vehicle's righting arm."""
     arm, vehicle = righting_arm(calibration), calibration.vehicle
     eccentricity = value * vehicle.mass * arm / vehicle.battery.mass
     return with_righting_arm(calibration.with_vehicle(battery={"eccentricity": eccentricity}), arm)
@@ -84,7 +84,7 @@ def _with_lift_slope(calibration: Calibration, value: float) -> Calibration:
 
 # fmt: off
 TURNING = (
-    # hulls with and without a large fin
+    # spread: hulls with and without a large fin
     of_law(
         "side_force", "kg m-1 rad-1", "side force of sideslip, -K_beta",
         0.4, "side_force", scale=lambda c: -1.0, logarithmic=True),
@@ -92,7 +92,7 @@ TURNING = (
         "yaw_moment", "1",
         "yaw moment of sideslip, K_MY, over the Munk moment: above 1 the fin wins",
         0.5, "yaw_moment", scale=munk_moment),
-    # 0.2 of the Munk moment at 3 deg
+    # spread: 0.2 of the Munk moment at 3 deg angle of attack
     of_law(
         "yaw_moment_lift", "rad-1",
         "part of the yaw moment of sideslip that is odd in lift, over the Munk moment",
@@ -108,7 +108,7 @@ TURNING = (
         "roll_moment_lift", "rad-1",
         "part of the roll moment of sideslip that is odd in lift, over the same",
         10.0, "roll_moment_lift", scale=_side_scale),
-    # a rudder's neutral position says the same
+    # with a battery only: a rudder's neutral position has the same effect
     UnknownParameter(
         "yaw_moment_offset", "degree",
         "yaw moment of the hull without sideslip, as the sideslip with such a Munk moment",
@@ -126,24 +126,24 @@ TURNING = (
         logarithmic=True, channel="fin"),
 )
 # fmt: on
-"""Parameters of a twin that turns as the log"""
+"""Parameters that can be fitted to the turns of a log"""
 
 BIASES = ("yaw_bias", "roll_offset")
-"""[rad] Biases that are fitted with TURNING: the asymmetry that turns a vehicle at no roll and no
-rudder, beyond the hull's own, as the sideslip of an equal yaw moment on the bare hull; and the roll
-sensor's zero. The vehicle is flown with the neutral position of the turning part that balances
-them. A rolled battery balances a yaw moment one way in dives and the other way in climbs. There the
-hull has a yaw moment of its own, which is a parameter."""
+"""[rad] Biases that are fitted with TURNING: a yaw moment at no roll and no rudder, as the sideslip
+of an equal Munk moment, and the roll sensor's zero. The fitted vehicle has the neutral position of
+the turning part that balances both. A rolled battery balances a yaw moment to opposite sides in
+dives and in climbs; so the moment can be a parameter of the hull, `yaw_moment_offset`, in place
+of the bias."""
 BIAS_SPREADS = (math.radians(3.0), math.radians(5.0))
 
 
 def biases_beside(names: Collection[str]) -> tuple[str, ...]:
-    """Members of BIASES that are fitted with parameters of these names."""
+    """Select the BIASES that are fitted together with parameters of these names."""
     return BIASES[1:] if "yaw_moment_offset" in names else BIASES
 
 
 class Turns(Comparison):
-    """Channels "yaw_rate" [rad/s] and, with a battery that turns, "roll" [rad] of every window."""
+    """Residuals of the windows: "yaw_rate" [rad/s] and, for a turning battery, "roll" [rad]."""
 
     step = 1e-3
 
@@ -168,16 +168,16 @@ class Turns(Comparison):
         super().__init__(nominal, parameters, channels, dives)
 
     def _rolls(self, group: Group) -> bool:
-        """True where a battery at known positions rolls the group's windows."""
+        """True if a battery rolls the vehicle and its positions in the group are known."""
         return group.position is not None and self.channel == "rotation"
 
     def asymmetry(self, x: Array) -> tuple[float, float]:
-        """Whole yaw moment as a sideslip, the hull's own plus its bias, and roll offset [rad]."""
+        """Yaw moment as a sideslip, the hull's own plus the bias, and the roll offset [rad]."""
         yaw, roll = self.beside_hull(x)
         return own_sideslip(self.calibration(x)) + yaw, roll
 
     def beside_hull(self, x: Array) -> tuple[float, float]:
-        """Bias of the yaw moment beyond the hull's own, as a sideslip, and roll offset [rad]."""
+        """Bias of the yaw moment without the hull's own, as a sideslip, and roll offset [rad]."""
         count = len(self.biases)
         biases = x[len(x) - count :] * np.array(BIAS_SPREADS[-count:])
         return (float(biases[0]) if count == len(BIASES) else 0.0), float(biases[-1])
@@ -185,12 +185,11 @@ class Turns(Comparison):
     def neutral(
         self, x: Array, *, with_hull: bool = False
     ) -> tuple[float, dict[bool, float]] | None:
-        """Position [rad] of the turning part at which the log's vehicle went straight, from the
-        zero of the groups: mean over the groups, weighted by their durations, and means of dives
-        (False) and climbs (True). None without positions.
+        """Positions [rad] of the turning part at which the log's vehicle went straight.
 
-        The hull's own yaw moment counts only `with_hull`, as guidance knows it.
-        """
+        The result is the mean over the groups, weighted by duration, and the means of dives (False)
+        and climbs (True); 0 is the groups' neutral position. None if no position is known. Guidance
+        allows for the hull's own yaw moment, so only `with_hull` includes this moment."""
         calibration = self.calibration(x)
         bias, offset = self.asymmetry(x) if with_hull else self.beside_hull(x)
         found, weights, climbing = [], [], []
@@ -219,8 +218,8 @@ class Turns(Comparison):
         return float(np.average(at, weights=share)), phases
 
     def worse_without(self, x: Array, k: int, bounds: tuple[Array, Array]) -> float:
-        """Standard deviations by which the fit `x` gets worse with unknown `k` at the vehicle
-        file's value and the others fitted again: root of the likelihood ratio (Wilks 1938), which
+        """[standard deviations] Significance of unknown `k` in the fit `x`: root of the likelihood
+        ratio to a fit of the others with `k` at the vehicle file's value (Wilks 1938), which
         correlations of the unknowns do not affect."""
         free = np.delete(np.arange(len(x)), k)
 
@@ -234,7 +233,7 @@ class Turns(Comparison):
         return math.sqrt(max(2.0 * float(found.cost) - float(np.sum(self.residual(x) ** 2)), 0.0))
 
     def missed(self, x: Array) -> dict[str, list[Array]]:
-        """Model less log, see the base; averages of each window."""
+        """Residuals, model minus log, of the averages in each window (see `Comparison`)."""
         calibration = self.calibration(x)
         bias, offset = self.asymmetry(x)
         found: dict[str, list[Array]] = {"yaw_rate": [], "roll": []}
@@ -248,13 +247,13 @@ class Turns(Comparison):
             found["yaw_rate"] += _windows(group, averaged(rate, group.count))
             if self._rolls(group):
                 roll = averaged(rolls(group, lateral, position) - group.roll, group.count)
-                # the roll with the battery at rest is an offset of the trim, no dynamics
+                # a constant difference comes from the trim, not from the dynamics
                 found["roll"] += _windows(group, roll - np.median(roll[group.used]))
         return found
 
     def best_start(self) -> Array:
-        """Offsets of the best of several starts: yaw moments and dampings, each with its best
-        asymmetry. Turns to the wrong side are a local minimum of their own."""
+        """Offsets of the best of several starts of yaw moment and damping, each with best biases.
+        From a single start, the fit could end in turns to the wrong side, a local minimum."""
         best, lowest = np.zeros(self.size), math.inf
         names = [p.name for p in self.parameters]
         self.reweight(best)
@@ -276,14 +275,14 @@ class Turns(Comparison):
 
 
 def _linear(calibration: Calibration, group: Group, bias: float) -> tuple[Lateral, float]:
-    """Motion about the group's glide, and the yaw moment [N m] of a sideslip `bias` [rad]."""
+    """Linear motion about the group's glide, and the Munk moment [N m] at sideslip `bias` [rad]."""
     square = group.glide.surge**2 + group.glide.heave**2
     moment = munk_moment(calibration) * bias * square
     return linearised(calibration.vehicle, group.glide), moment
 
 
 def _windows(group: Group, values: Array) -> list[Array]:
-    """Compared values of each window."""
+    """Values of each window at the averages that are compared."""
     return [values[group.used[:, k], k] for k in range(len(group.windows))]
 
 
@@ -291,24 +290,24 @@ class TurningFit(NamedTuple):
     """Result of a fit of a log's turns."""
 
     fitted: Fitted
-    """Fit with the channels of `Turns`"""
+    """Fit of `Turns`"""
     asymmetry: tuple[float, float]
-    """[rad] Yaw moment as the sideslip of an equal Munk moment; roll offset"""
+    """[rad] Yaw moment as the sideslip of an equal Munk moment, and roll offset"""
     groups: tuple[Group, ...]
     neutral: float | None
-    """[rad] Position of the turning part that balances the asymmetry; None: not known"""
+    """[rad] Neutral position of the turning part in the fitted vehicle; None: not known"""
     apart: float
-    """[rad] Distance between the neutral positions of dives and climbs; the mean is flown"""
+    """[rad] Difference between the neutral positions of dives and climbs; `neutral` is the mean"""
     balanced: bool
-    """False where the hull's own yaw moment was fitted and is not sure, or the turning part cannot
-    balance it in dives and in climbs"""
+    """False if the hull's own yaw moment was fitted, but is not significant, or the turning part
+    cannot balance it in dives and in climbs"""
 
 
 def turned(logs: Sequence[Log], calibration: Calibration) -> TurningFit | None:
-    """Fit the coefficients of turns; None where a phase has too few windows.
+    """Fit the coefficients of turns; None if dives or climbs have too few windows.
 
-    The hull gets a yaw moment of its own where the neutral positions of dives and climbs surely
-    differ and the turning part can reach both.
+    The hull gets a yaw moment of its own if the moment is significant and the turning part can
+    balance it in dives and in climbs.
     """
     windows = windows_of(logs, calibration)
     if min(sum(w.climbing == c for w in windows) for c in (False, True)) < LEAST_WINDOWS:
@@ -330,18 +329,18 @@ def _turned(
     calibration: Calibration,
     parameters: tuple[UnknownParameter, ...],
 ) -> TurningFit:
-    """Fit these parameters to the windows, and the neutral position that goes with them."""
+    """Fit these parameters and the neutral position of the turning part to the windows."""
     part, channel = turning_part(calibration.vehicle), channel_of(calibration)
     groups = groups_of(windows, channel)
     there = all(g.position is not None for g in groups)
     neutral, apart, balanced = None, 0.0, True
     own = [k for k, p in enumerate(parameters) if p.name == "yaw_moment_offset"]
     if part is not None and there:
-        neutral, calibration = 0.0, _resting(calibration, part.name, 0.0)
+        neutral, calibration = 0.0, _with_neutral(calibration, part.name, 0.0)
     farthest = [FARTHEST if p.logarithmic else np.inf for p in parameters]
     farthest += [np.inf for _ in biases_beside({p.name for p in parameters})]
     bounds = (-np.array(farthest), np.array(farthest))
-    # a battery acts by the sine of its rotation from the neutral position: fit again from there
+    # a battery's effect depends on the sine of its rotation from neutral: fit again from there
     for _ in range(ROUNDS if channel == "rotation" and there else 1):
         turns = Turns(groups, calibration, parameters)
         x, _ = turns.fit(turns.best_start(), PASSES, bounds=bounds, max_nfev=MOST_LOOKS, xtol=1e-4)
@@ -349,7 +348,7 @@ def _turned(
         more = turns.neutral(x)
         if neutral is None or part is None or more is None:
             break
-        room, middle = STEERABLE * (part.high - part.low) / 2.0, 0.5 * (part.high + part.low)
+        room, middle = NEUTRAL_RANGE * (part.high - part.low) / 2.0, 0.5 * (part.high + part.low)
         mean, phases = more
         apart = max(phases.values()) - min(phases.values())
         if own:
@@ -358,10 +357,10 @@ def _turned(
             balanced = all(abs(neutral + at - middle) <= room for at in straight[1].values())
         neutral = min(max(neutral + mean, middle - room), middle + room)
         groups = groups_of(windows, channel, neutral)
-        calibration = _resting(calibration, part.name, neutral)
-        flown = _resting(fitted.calibration, part.name, neutral)
+        calibration = _with_neutral(calibration, part.name, neutral)
+        flown = _with_neutral(fitted.calibration, part.name, neutral)
         fitted = fitted._replace(calibration=flown)
-    sure = all(turns.worse_without(x, k, bounds) > SURE for k in own)
+    sure = all(turns.worse_without(x, k, bounds) > LEAST_SIGNIFICANCE for k in own)
     return TurningFit(
         fitted=fitted,
         asymmetry=asymmetry,
@@ -372,6 +371,6 @@ def _turned(
     )
 
 
-def _resting(calibration: Calibration, part: str, neutral: float) -> Calibration:
-    """Return the calibration with this neutral position [rad] of the turning part."""
+def _with_neutral(calibration: Calibration, part: str, neutral: float) -> Calibration:
+    """Return the calibration with this neutral position [rad] of the turning part set."""
     return calibration.with_vehicle(**{part: {"neutral": neutral}})

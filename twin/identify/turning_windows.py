@@ -1,6 +1,6 @@
 """Turning windows: steady parts of a log in which turns are compared, grouped by phase and speed.
 
-`yaw_rates` and `rolls` are those of the linear lateral motion about a group's glide.
+`yaw_rates` and `rolls` compute the linear lateral motion about a group's glide.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ from twin.identify.translation import Translation
 from twin.vehicle.parts import BatteryHinge, Fin
 
 LONGEST, SHORTEST = 900.0, 100.0
-"""[s] Longest and shortest window: longer steady parts are cut, shorter ones left out."""
+"""[s] Longest and shortest window: longer steady parts are cut, shorter parts are left out."""
 SETTLE = 30.0
-"""[s] Time at the start of a window that is not compared: the sideslip there is a guess."""
+"""[s] Time at the start of a window that is not compared: its initial sideslip is a guess."""
 LEAST_DEPTH = 5.0
 """[m] Least depth of a window"""
 SPACINGS, LEAST_AVERAGE, MOST_AVERAGE = 2.5, 10.0, 90.0
-"""Length of the compared means of yaw rate and roll, in original samples, with its bounds [s]: the
-end of a move is known to about one original sample."""
-BENT = 1e-6
+"""Duration of the compared means of yaw rate and roll, in original samples, and its limits [s]: the
+end of a part's move is known to about one original sample."""
+LEAST_BEND = 1e-6
 """[rad] Second difference of the heading above which a sample is original, not interpolated"""
 SPEED_BINS, ENOUGH_IN_BIN = 3, 6
-"""Most groups of a phase, by speed, each with a glide of its own; fewest windows of a group"""
+"""Most speed groups of a phase, each with its own glide; fewest windows of a group"""
 MOST_ROLL = math.radians(60.0)
 """[rad] Largest roll of a window: beyond it no glide is linear."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class TurningWindow:
-    """A steady part of a log, dive or climb."""
+    """Steady part of a log in a dive or a climb."""
 
     log: Log
     part: slice
@@ -64,7 +64,7 @@ def _glide(motion: Translation, pitch: Array, net: Array, part: slice) -> Glide:
 
 
 def windows_of(logs: Sequence[Log], calibration: Calibration) -> list[TurningWindow]:
-    """Steady parts of the logs, each of one phase."""
+    """Find the steady parts of the logs, each within one dive or climb."""
     found: list[TurningWindow] = []
     for number, log in enumerate(logs):
         motion, pitch, net = _flight(log, calibration)
@@ -96,7 +96,7 @@ def windows_of(logs: Sequence[Log], calibration: Calibration) -> list[TurningWin
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Group:
-    """Windows that share a glide; arrays are (samples, windows), padded at the end."""
+    """Windows with one common glide; arrays are (samples, windows), padded at the end."""
 
     windows: tuple[TurningWindow, ...]
     glide: Glide
@@ -105,18 +105,18 @@ class Group:
     roll: Array
     """[rad] Measured roll"""
     slope: Array
-    """[rad/s] Slope of the roll"""
+    """[rad/s] Rate of change of the roll"""
     position: Array | None
-    """[rad] Turning part's distance from its neutral position; None: the log has none"""
+    """[rad] Position of the turning part minus its neutral position; None: not in the log"""
     rate: Array
     """[rad/s] Yaw rate about the body's axis"""
     used: NDArray[np.bool_]
     """True for averages that are compared, (averages, windows)"""
     count: int
-    """Samples of an average"""
+    """Number of samples in an average"""
 
     def reglided(self, calibration: Calibration) -> Group:
-        """Return the group about the median glide that another calibration has in its windows."""
+        """Return the group with the median glide of its windows by another calibration."""
         flights = {w.log.index: w.log for w in self.windows}
         flown = {index: _flight(log, calibration) for index, log in flights.items()}
         glides = [_glide(*flown[w.log.index], w.part) for w in self.windows]
@@ -182,18 +182,18 @@ def _group(
 
 
 def spacing(logs: Sequence[Log]) -> float:
-    """Time [s] between original samples; a store interpolates further ones between them."""
+    """Time [s] between original samples; a store has interpolated samples between them."""
     bends, samples = 0, 0
     for log in logs:
-        bent = np.abs(np.diff(log.heading, 2)) > BENT
+        bent = np.abs(np.diff(log.heading, 2)) > LEAST_BEND
         bends, samples = bends + int(bent.sum()), samples + len(bent)
-    # an interpolated line bends at the two samples of the store next to each original one
+    # an interpolated line bends at two samples of the store for each original sample
     share = bends / max(samples, 1)
     return logs[0].period * max(2.0 / share, 1.0) if share > 0.0 else MOST_AVERAGE
 
 
 def averaged(values: Array, n: int) -> Array:
-    """Means of `n` samples, (averages, windows), of (samples, windows); a remainder is dropped."""
+    """Average (samples, windows) over `n` samples: (averages, windows); a remainder is dropped."""
     whole = len(values) // n * n
     return values[:whole].reshape(-1, n, values.shape[1]).mean(axis=1)
 
@@ -209,7 +209,7 @@ def channel_of(calibration: Calibration) -> str | None:
 def yaw_rates(
     group: Group, lateral: Lateral, position: Array, yaw: float, roll_offset: float
 ) -> Array:
-    """Yaw rate [rad/s] by the group's roll and turning part, (samples, windows).
+    """Compute the yaw rate [rad/s] from roll and turning part, (samples, windows).
 
     Args:
       position: effective position of the turning part (`felt`).
@@ -224,7 +224,7 @@ def yaw_rates(
 
 
 def rolls(group: Group, lateral: Lateral, position: Array) -> Array:
-    """Roll [rad] by the battery's positions, (samples, windows)."""
+    """Compute the roll [rad] from the battery's positions, (samples, windows)."""
     step, response = lateral.rolled_by_part(group.period)
     driven = 0.5 * (position[1:] + position[:-1])[..., None] * response[:, 0]
     state = np.linalg.solve(np.eye(4) - step, response[:, :1] * position[0]).T
@@ -233,7 +233,7 @@ def rolls(group: Group, lateral: Lateral, position: Array) -> Array:
 
 @jit
 def _march(step: Array, driven: Array, state: Array, which: int) -> Array:
-    """State number `which` of x(k + 1) = step x(k) + driven(k), (samples, windows).
+    """Step x(k + 1) = step x(k) + driven(k); return element `which` of x, (samples, windows).
 
     Loops over single numbers: numba takes seconds to compile assignments between arrays.
     """
@@ -256,8 +256,8 @@ def _march(step: Array, driven: Array, state: Array, which: int) -> Array:
 
 
 def felt(calibration: Calibration, position: Array) -> Array:
-    """Effective position of the turning part in the linear model: a rudder's own, or that of a
-    hinge whose linear roll is the tangent of its true roll, (a + b cos x) tan(roll) = -b sin x."""
+    """Position of the turning part for the linear model. A rudder's is unchanged; a hinge's makes
+    the linear roll equal to the tangent of the true roll, (a + b cos x) tan(roll) = -b sin x."""
     if channel_of(calibration) != "rotation":
         return position
     vehicle = calibration.vehicle

@@ -30,8 +30,8 @@ from twin.identify.speed import way_of
 from twin.logs.track import Array, Fixes, SmoothedWay, smoothed_tracks, track_parameters
 
 LEAST_INTERVAL = 300.0
-"""[s] Shortest time between two fixes that give a current: over a minute at the surface, their
-noise would be a current of 10 cm/s."""
+"""[s] Shortest time between two fixes for a current: in a minute at the surface, the noise of the
+fixes would look like a current of 10 cm/s."""
 UNDER_WATER = 3.0
 """[m] Depth that a dive exceeds between two fixes; a shallower vehicle hangs at the surface"""
 SPEED_DEVIATION = 0.02
@@ -82,7 +82,7 @@ def corrected_tracks(
       records: the tracks of each deployment, all in similar water, such as the missions of one
         store. Each deployment is smoothed alone; the parameters are fitted to all deployments.
       period: [s] between samples.
-      latitudes: [degree] of each deployment; `NOMINAL_LATITUDE` where one is NaN.
+      latitudes: [degree] of each deployment; `NOMINAL_LATITUDE` if one is NaN.
     """
     places = [x if np.isfinite(x) else NOMINAL_LATITUDE for x in latitudes]
     if not records:
@@ -118,13 +118,13 @@ def linear_track(velocity: Array, period: float, fixes: Fixes, drift: Drift) -> 
 
     Args:
       velocity, period, fixes: as `corrected_track`.
-      drift: gives the standard deviation, and the current where two fixes cannot.
+      drift: gives the standard deviation, and the current if two fixes are too close.
     """
     water = way_of(velocity, period)
     time = period * np.arange(len(velocity))
     usual = np.asarray(drift.usual, float)
     if not len(fixes):
-        open_end = np.sqrt(_open(time, drift))
+        open_end = np.sqrt(_variance_outside_fixes(time, drift))
         return water + time[:, None] * usual, open_end
     at, places = fixes.sample, fixes.position
     missed = places - water[at]
@@ -141,14 +141,14 @@ def linear_track(velocity: Array, period: float, fixes: Fixes, drift: Drift) -> 
         if len(at) > 1 and (apart := np.diff(time[at[pair]])[0]) >= LEAST_INTERVAL:
             current = np.diff(missed[pair], axis=0)[0] / apart
         correction[outside] = missed[fix] + away[:, None] * current
-        variance[outside] = _open(np.abs(away), drift)
+        variance[outside] = _variance_outside_fixes(np.abs(away), drift)
     return water + correction, np.sqrt(fixes.deviation**2 + variance)
 
 
 def track_velocity(track: Array, period: float, fixes: Fixes) -> Array | None:
     """Velocity north, east [m/s] of a vehicle's on-board track, (time, 2); None without a track.
 
-    A vehicle sets its track to each new GPS fix: that jump is no motion.
+    On board, the track jumps to each new GPS fix; the velocity is without these jumps.
 
     Args:
       track: north, east [m], (time, 2), NaN where unknown.
@@ -166,8 +166,8 @@ def track_velocity(track: Array, period: float, fixes: Fixes) -> Array | None:
     return np.concatenate([steps, steps[-1:]]) / period
 
 
-def _open(away: NDArray[np.floating], drift: Drift) -> Array:
-    """Variance [m2] at a time [s] from the nearest fix: a changed current, and the random walk."""
+def _variance_outside_fixes(away: NDArray[np.floating], drift: Drift) -> Array:
+    """Variance [m2] of a position `away` [s] before the first fix, or after the last."""
     return np.asarray((drift.change * away) ** 2 + drift.diffusivity * away)
 
 

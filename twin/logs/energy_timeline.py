@@ -29,7 +29,7 @@ INTERVAL = 300.0
 """[s] Shortest time between the two counter readings of one equation"""
 LONGEST_STAY = 3600.0
 """[s] Longest gap between dives that counts as a surface interval; a longer gap is unknown"""
-STILL = 0.005
+LEAST_MOVE = 0.005
 """[1] Fraction of a part's travel below which a move is encoder noise"""
 
 
@@ -43,11 +43,11 @@ class DiveCharge:
 
     mission: int
     hours: float
-    """[h]"""
+    """[h] Time between the two samples"""
     measured: float
-    """[A h]"""
+    """[A h] Charge by the counter"""
     modelled: float
-    """[A h]"""
+    """[A h] Charge by the fitted factors"""
 
 
 class EnergyFactor(NamedTuple):
@@ -59,7 +59,7 @@ class EnergyFactor(NamedTuple):
     field: str
     """Field of `Consumption`; empty for a factor without a field"""
     inverse: bool = False
-    """True if the field is one over the factor"""
+    """True if the field is 1 / factor"""
     most: float = np.inf
 
 
@@ -70,7 +70,7 @@ FACTORS = (
     EnergyFactor("pump", "1", 1.0, "pump_efficiency", inverse=True),
     EnergyFactor("pump loss", "Pa", 0.0, "pump_loss"),
     EnergyFactor("pump return", "Pa", 0.0, "pump_return"),
-    # efficiency above 1/100: drives move with the pump and would take over its energy
+    # efficiency above 1/100: drives move with the pump, and a fit could give them its energy
     EnergyFactor("drives", "1", 1.0, "screw_efficiency", inverse=True, most=100.0),
     EnergyFactor("propeller", "1", 1.0, "propeller_efficiency", inverse=True),
     EnergyFactor("thruster", "1", 0.0, ""),
@@ -226,9 +226,9 @@ def least_squares(
 def settled(values: Array) -> Array:
     """Position of a part without encoder noise, (time,).
 
-    The value stays while the reading is within `STILL` of its travel, as a gear with backlash does.
+    The value stays until the reading moves by `LEAST_MOVE` of its travel, like backlash.
     """
-    play = STILL * float(np.ptp(np.percentile(values, [1.0, 99.0])))
+    play = LEAST_MOVE * float(np.ptp(np.percentile(values, [1.0, 99.0])))
     place, found = float(values[0]), np.empty(len(values))
     for k, value in enumerate(values.tolist()):
         place = min(max(place, value - play), value + play)

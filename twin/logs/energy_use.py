@@ -16,8 +16,8 @@ that the log does not determine keeps the vehicle's value.
 
 The power of a dive is a level plus noise. The level is a random walk with a slope, such as that of
 a weakening pump (Durbin and Koopman 2012, Time Series Analysis by State Space Methods, chapter 3).
-The walk's size is averaged over, weighted by its likelihood: few dives give a wider interval than
-many.
+Results are averaged over sizes of the walk, weighted by likelihood: few dives give a wider interval
+than many.
 """
 
 from __future__ import annotations
@@ -47,16 +47,16 @@ from twin.records.storage.store_path import StorePath
 from twin.vehicle.consumption import Consumption
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
-ALWAYS = 0.97
-"""[1] Fraction of time on beyond which a payload cannot be separated from the electronics"""
-DOUBTFUL = 0.5
-"""[1] Standard deviation over value above which a factor counts as not determined"""
+LARGEST_DUTY = 0.97
+"""[1] Largest fraction of the time that a payload is on, or off, for its power to be fitted"""
+LARGEST_UNCERTAINTY = 0.5
+"""[1] Largest standard deviation, as a fraction of the value, of a factor that a log determines"""
 MOST_KWH = 1e4
 """[kW h] Largest energy left that is accepted"""
 LEAST_EQUATIONS = 3
 """Fewest equations for each factor"""
-WALKS = (0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
-"""[1] Variances of the level's step over the noise's, with equal prior probability"""
+WALK_VARIANCES = (0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+"""[1] Variances of the level's step divided by the noise variance; all are equally probable"""
 SLOPE = 0.05
 """[1] Prior standard deviation of the power's relative change over a deployment: fouling, pump,
 batteries"""
@@ -72,13 +72,13 @@ SEED = 0
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class EnergyTerm:
-    """One consumer."""
+    """Factor and energy of one consumer."""
 
     name: str
     value: float
     """Factor, in `unit`"""
     deviation: float
-    """Standard deviation; NaN where the value is the vehicle's own"""
+    """Standard deviation; NaN if the value is the vehicle's own"""
     unit: str
     energy: float
     """[J] Energy of the deployment"""
@@ -170,8 +170,8 @@ def energy_used(
     """Fit the energy consumers to the dives of a store.
 
     Args:
-      store: of logs.
-      vehicle: its pump and masses give the work; its values stay where the log determines none.
+      store: store of logs.
+      vehicle: gives the work of pump and masses, and values that the log does not determine.
         Default: the shipped vehicle of the log's type.
       missions: rows to use; default all.
 
@@ -197,9 +197,9 @@ class ChargeForecast:
     taught: int
     """Number of dives in the fit"""
     per_hour: float
-    """[A h/h] Charge per hour of the dives in the fit: a simple rival prediction"""
+    """[A h/h] Charge per hour of the dives in the fit: a simple prediction for comparison"""
     each: float
-    """[A h] Mean charge of the dives in the fit: a second rival prediction"""
+    """[A h] Mean charge of the dives in the fit: a second one for comparison"""
 
     def errors(self) -> dict[str, float]:
         """Mean absolute error of a dive and error of the sum, relative to the measured charge."""
@@ -212,9 +212,9 @@ class ChargeForecast:
             "each": np.full(len(hours), self.each),
         }
         found = {}
-        for name, said in rivals.items():
-            found[f"{name}_per_dive"] = float(np.mean(np.abs(said / measured - 1.0)))
-            found[f"{name}_sum"] = float(said.sum() / measured.sum() - 1.0)
+        for name, predicted in rivals.items():
+            found[f"{name}_per_dive"] = float(np.mean(np.abs(predicted / measured - 1.0)))
+            found[f"{name}_sum"] = float(predicted.sum() / measured.sum() - 1.0)
         return found
 
 
@@ -265,7 +265,7 @@ def _fitted(line: EnergyTimeline, vehicle: Vehicle) -> EnergyUse:
         )
     table = line.table(span, free)
     part_on = table[:, free.index("payload")].sum() / table[:, free.index("hotel")].sum()
-    if not 1.0 - ALWAYS < part_on < ALWAYS:
+    if not 1.0 - LARGEST_DUTY < part_on < LARGEST_DUTY:
         kept["payload"] = 0.0  # always on: part of the hotel load
         free.remove("payload")
     free = [name for name in free if line.table(span, [name]).any()]
@@ -281,7 +281,7 @@ def _fitted(line: EnergyTimeline, vehicle: Vehicle) -> EnergyUse:
         del doubt[free[0]]  # every log determines the hotel load
         worst = max(doubt, key=lambda name: doubt[name], default="")
         many = len(span) >= LEAST_EQUATIONS * len(free)
-        if not worst or (doubt[worst] <= DOUBTFUL and many):
+        if not worst or (doubt[worst] <= LARGEST_UNCERTAINTY and many):
             break
         free.remove(worst)
     found = {**kept, **dict(zip(free, values.tolist(), strict=True))}
@@ -358,7 +358,7 @@ def endurance_of(used: EnergyUse, energy_left_kwh: float) -> Endurance | None:
     """Days left, estimated from the dives of a deployment; None for fewer than three dives.
 
     Args:
-      used: of one deployment. energy_left_kwh: [kW h].
+      used: energy use of one deployment. energy_left_kwh: [kW h] energy that is left.
     """
     if len(used.dives) < LEAST_DIVES:
         return None
@@ -368,12 +368,12 @@ def endurance_of(used: EnergyUse, energy_left_kwh: float) -> Endurance | None:
     power = taken / hours * used.voltage * whole
     left = max(energy_left_kwh, 0.0) * 1e3 / power.mean() / float(np.median(hours))  # dives
     slope = SLOPE * power.mean() / (len(power) + left)
-    found = [_followed(power, ratio, slope, left) for ratio in WALKS]
+    found = [_forecast(power, ratio, slope, left) for ratio in WALK_VARIANCES]
     likely = np.array([one[2] for one in found])
     weights = np.exp(likely - likely.max())
     weights /= weights.sum()
     rng = np.random.default_rng(SEED)
-    which = rng.choice(len(WALKS), DRAWS, p=weights)
+    which = rng.choice(len(WALK_VARIANCES), DRAWS, p=weights)
     expected, spread = np.array([one[:2] for one in found]).T
     drawn = expected[which] + spread[which] * rng.standard_t(len(hours) - 1, DRAWS)
     mean = float(weights @ expected)
@@ -384,15 +384,15 @@ def endurance_of(used: EnergyUse, energy_left_kwh: float) -> Endurance | None:
     )
 
 
-def _followed(power: Array, walk: float, slope: float, left: float) -> tuple[float, float, float]:
+def _forecast(power: Array, walk: float, slope: float, left: float) -> tuple[float, float, float]:
     """Mean power of the dives to come, its standard deviation, and the log-likelihood.
 
     A Kalman filter of level and slope, started at the first dive. Its variances are divided by the
     noise variance, which the innovations determine.
 
     Args:
-      power: [W] of each dive. walk: variance of a step. slope: [W] its prior standard deviation,
-        per dive. left: number of dives to come.
+      power: [W] of each dive. walk: variance of a step. slope: [W] prior standard deviation of the
+        slope per dive. left: number of dives to come.
     """
     least = (1e-6 * abs(float(power.mean()))) ** 2  # keeps the noise above 0 for equal dives
     noise = max(0.5 * float(np.mean(np.diff(power) ** 2)), least)
@@ -409,7 +409,7 @@ def _followed(power: Array, walk: float, slope: float, left: float) -> tuple[flo
         squares.append(innovation**2 / variance)
         variances.append(variance)
     noise = max(float(np.mean(squares)), least)
-    middle = np.array([1.0, 0.5 * left])  # the mean over `left` dives has half their slope
+    middle = np.array([1.0, 0.5 * left])  # the mean of `left` dives is reached after half
     ahead = middle @ cover @ middle + walk * left / 3.0 + 1.0 / max(left, 1.0)
     likelihood = -0.5 * float(np.log(variances).sum() + len(squares) * np.log(noise))
     return float(middle @ state), float(np.sqrt(noise * ahead)), likelihood

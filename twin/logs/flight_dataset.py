@@ -305,7 +305,7 @@ def _per_dive(flight: Flight) -> dict[str, Any]:
 
 
 def _dac_places(flight: Flight) -> dict[str, Any]:
-    """Time and place at the middle of each dive, where the store has them."""
+    """Time and place at the middle of each dive, if the store has them."""
     missions = {one.dive.mission: one for one in flight.missions}
     middle = np.array([one.start + 0.5 * one.duration for one in flight.currents])
     where = []

@@ -91,14 +91,14 @@ def estimate_flight(
       missions: rows to estimate; default all.
       estimator: an estimator of the velocity through the water, or its name.
       track: correction at the fixes, `smoother` or `linear`.
-      thermal_lag: whether to fit the CTD's thermal lag and to correct it.
+      thermal_lag: fit the CTD's thermal lag and correct it.
       advance: called after each mission.
 
     Raises:
       StoreError: no such store or mission, a missing channel, or no dive in any of them.
       VehicleError: no such vehicle, or one whose flight is not modelled.
-      InputError: an unknown estimator or correction, or a log that does not say from which glider
-        it comes.
+      InputError: an unknown estimator or correction, or a log without the type of its
+        glider.
     """
     check_correction(track)
     found = MissionStore(store)

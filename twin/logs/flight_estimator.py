@@ -1,7 +1,7 @@
 """Flight estimators: velocity of a logged vehicle through the water; an extension point.
 
 The steady model balances the forces at every sample (`twin.identify.speed`). The flight model
-integrates the three equations of translation (`twin.identify.translation`). `fly_dive` uses them.
+integrates the equations of translation (`twin.identify.translation`). `fly_dive` applies them.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from twin.records.reader import MissionStore
 from twin.registry import Registry
 
 LEAST_COSINE = 0.2
-"""cos(pitch) cos(roll) below which the depth rate does not determine heave"""
+"""[1] Least cos(pitch) cos(roll) with which the depth rate determines heave"""
 LEAST_KNOWN = 0.9
-"""[1] Fraction of the time under water with a known attitude below which no current is computed"""
+"""[1] Least fraction of the time under water with a known attitude, for a current to be computed"""
 UNDER_WATER = 3.0
 """[m] Depth below which a vehicle is under water"""
 DESCENT, CLIMB = 1, 2
@@ -37,9 +37,9 @@ LEVEL_RATE = 0.03
 class FlightEstimator(abc.ABC):
     """Estimator of a logged vehicle's velocity through the water, an extension point.
 
-    Speed, track and currents come from its velocities. The vertical velocity of the water is always
-    the flight model's depth rate minus the logged one: an estimator that solves for heave from the
-    depth rate cannot give it.
+    The estimator gives speed, track and currents. The vertical velocity of the water is always the
+    flight model's depth rate minus the logged one, because an estimator that solves the depth rate
+    for heave would give none.
     """
 
     kind: ClassVar[str]
@@ -68,7 +68,7 @@ class FlightEstimator(abc.ABC):
         """Velocity through the water, body FRD, at each of the log's samples.
 
         Args:
-          store: for signals that the log lacks; `log.index` is its mission.
+          store: store with signals that the log lacks; `log.index` is the mission.
           log: the dive, with corrected density.
           calibration: the vehicle and the errors of its sensors.
           start: surge, sway, heave [m/s] at the first sample, from depth rate and pitch.
@@ -96,7 +96,7 @@ def open_estimator(text: str) -> FlightEstimator:
 
 
 class FlightModel(FlightEstimator):
-    """Weight, buoyancy, drag and lift with the vehicle's inertia."""
+    """Flight model: weight, buoyancy, drag, lift and the vehicle's inertia."""
 
     kind = "flight"
     summary = "the vehicle's flight model with its inertia"
@@ -111,7 +111,7 @@ class FlightModel(FlightEstimator):
 
 
 class SteadyModel(FlightModel):
-    """The flight model of glider pilots, without inertia."""
+    """Steady model, as glider pilots use it: the flight model without inertia."""
 
     kind = "steady"
     summary = "forces in balance at every sample, zero at inflections"
@@ -145,7 +145,7 @@ class FlownDive:
 
     @property
     def tells_current(self) -> bool:
-        """Whether the track through the water is known well enough for a current."""
+        """True if the track through the water is known well enough for a current."""
         return self.motion is not None and self.known >= LEAST_KNOWN
 
 
@@ -163,7 +163,7 @@ def fly_dive(
       store: the store of the dive.
       log: the dive.
       calibration: the vehicle and the errors of its sensors.
-      estimator: for the velocity through the water.
+      estimator: estimator of the velocity through the water.
       raw: the CTD as stored, None without one.
       ctd: the CTD with its thermal lag corrected.
     """
@@ -205,7 +205,7 @@ def _known(store: MissionStore, mission: int) -> float:
 
 
 def still(store: MissionStore, mission: int, ctd: CtdSeries | None) -> FlownDive:
-    """Build a mission that no model can fly: the vehicle moves with the water."""
+    """Flight of a mission that no model can fly: the vehicle moves with the water."""
     count = int(store.samples[mission])
     unknown, no = np.full(count, np.nan), np.zeros(count, bool)
     return FlownDive(

@@ -1,8 +1,8 @@
-"""Flight summary: vertical velocity of the water as a test of a flight model, and phase speeds.
+"""Flight summary: a flight model tested by the water's vertical velocity, and its speed factors.
 
-The ocean rises and sinks equally often in dives and climbs: unequal means show a model error.
+The water rises as often as it sinks, in descents and in climbs: unequal means show a model error.
 
-A phase speed is the factor by which a vehicle is faster than its model in descents or climbs.
+A speed factor is the ratio of a vehicle's speed to its model's speed in descents or in climbs.
 """
 
 from __future__ import annotations
@@ -16,38 +16,38 @@ from numpy.typing import NDArray
 from twin.logs.flight_estimator import FlownDive
 
 MOST_APART, MOST_MEAN = 0.01, 0.015
-"""[m/s] Largest difference of the means of dives and climbs, and largest mean, of a good model"""
-BIN = 20.0
-"""[m] Depth of a bin"""
+"""[m/s] Limits of a good model: difference of the means of descents and climbs; each mean"""
+BIN_HEIGHT = 20.0
+"""[m] Largest height of a depth bin"""
 LEAST_SAMPLES = 30
-"""Fewest samples of the dives, and of the climbs, in a bin that counts"""
+"""Fewest samples in descents, and in climbs, of a bin; bins with fewer are left out"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FlightSummary:
-    """Vertical water velocity over all samples where the model holds; NaN without any."""
+    """Statistics of the vertical water velocity; NaN if no sample has one."""
 
     w_mean_dive: float
-    """[m/s] Mean over the dives, positive up"""
+    """[m/s] Mean vertical water velocity in descents, positive up"""
     w_mean_climb: float
-    """[m/s] Mean over the climbs, positive up"""
+    """[m/s] Mean vertical water velocity in climbs, positive up"""
     w_deviation: float
-    """[m/s] Standard deviation over all samples"""
+    """[m/s] Standard deviation of the vertical water velocity over all samples"""
     depth_rate_rmse: float
-    """[m/s] Root mean square of modelled minus observed depth rate, mean included"""
+    """[m/s] Root mean square of modelled minus observed depth rate, not reduced by their mean"""
     samples: int
     w_profile_difference: float = float("nan")
-    """[m/s] Largest difference, with its sign, of the means of dives and climbs in a bin of depth;
-    bins are `BIN` deep, or a tenth of the depth range if that is less"""
+    """[m/s] Mean in descents minus mean in climbs, in the depth bin with the largest difference;
+    a bin is `BIN_HEIGHT` high, or a tenth of the depth range if that is less"""
 
     @property
     def suspect(self) -> bool:
-        """Whether the means differ or are large enough to show that the model does not fit."""
+        """True if the means of descents and climbs are too large or too different for the model."""
         means = np.array([self.w_mean_dive, self.w_mean_climb])
         return bool(abs(means[0] - means[1]) > MOST_APART or (np.abs(means) > MOST_MEAN).any())
 
     def doubt(self, vehicle: str) -> str:
-        """Message that the vehicle does not fit the log; empty if it may fit."""
+        """Message that a vehicle of this name does not fit the log; empty if it may fit."""
         if not self.suspect:
             return ""
         return (
@@ -88,12 +88,12 @@ def summarise(dives: Sequence[FlownDive]) -> FlightSummary:
 def _profile_difference(
     depth: np.ndarray, w: np.ndarray, down: np.ndarray, up: np.ndarray
 ) -> float:
-    """[m/s] Largest difference of the means of dives and climbs over bins of depth."""
+    """[m/s] Mean in descents minus mean in climbs, in the bin with the largest difference."""
     both = down | up
     if not both.any():
         return float("nan")
     top = float(depth[both].min())
-    size = min(BIN, float(np.ptp(depth[both])) / 10.0)
+    size = min(BIN_HEIGHT, float(np.ptp(depth[both])) / 10.0)
     if not size > 0.0:
         return float("nan")
     index = np.where(both, (depth - top) / size, -1.0).astype(int)
@@ -115,26 +115,26 @@ def _mean(values: np.ndarray) -> float:
 Array = NDArray[np.float64]
 
 LEAST_RATE = 0.03
-"""[m/s] Modelled depth rate below which a vehicle turns or flies level"""
-LASTS = 300.0
+"""[m/s] Least modelled depth rate of a sample; slower, the vehicle turns or flies level"""
+CORRELATION_TIME = 300.0
 """[s] Correlation time of the water's vertical velocity: internal waves near the buoyancy period"""
-LIKELY = 0.15
-"""[1] Prior standard deviation of a factor: 100 g of ballast error in 200 g"""
+PRIOR_DEVIATION = 0.15
+"""[1] Prior standard deviation of a factor, as from 100 g of ballast error in 200 g of buoyancy"""
 LOWEST, HIGHEST = 0.6, 1.6
-"""[1] Limits of a factor; a factor beyond them is no ballast error but another vehicle"""
+"""[1] Limits of a factor; beyond them, the log is from another vehicle than the model's"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PhaseSpeed:
-    """Factors from modelled to observed speed."""
+    """Ratios of observed to modelled speed, one for descents and one for climbs."""
 
     descent: float
-    """[1] Factor in descents"""
+    """[1] Ratio in descents"""
     climb: float
-    """[1] Factor in climbs"""
+    """[1] Ratio in climbs"""
 
     def scaled(self, dive: FlownDive) -> Array:
-        """Scaled velocity north, east [m/s], (time, 2); turns get interpolated factors."""
+        """Velocity [m/s], (time, 2), times its phase's ratio; between phases it is interpolated."""
         known = dive.descending | dive.ascending
         if not known.any():
             return dive.velocity
@@ -153,7 +153,7 @@ def phase_duration(dive: FlownDive, period: float) -> float | None:
 
 
 def phase_speed(dives: Sequence[FlownDive], period: float) -> PhaseSpeed:
-    """Estimate the phase speeds from one deployment's dives; 1 if the data are too short.
+    """Estimate the speed ratios from one deployment's dives; 1 if the data are too short.
 
     Args:
       dives: dives whose velocity comes from a flight model.
@@ -166,7 +166,7 @@ def phase_speed(dives: Sequence[FlownDive], period: float) -> PhaseSpeed:
 
 
 def _factor(dives: Sequence[FlownDive], period: float, sign: float, phase: str) -> float:
-    """Ratio of observed to modelled depth rate, shrunk to 1 by the water's own motion."""
+    """Ratio of observed to modelled depth rate; a large uncertainty moves it toward 1."""
     modelled, water = [], []
     for dive in dives:
         use = getattr(dive, phase) & np.isfinite(dive.water_up) & np.isfinite(dive.sink_rate)
@@ -175,9 +175,9 @@ def _factor(dives: Sequence[FlownDive], period: float, sign: float, phase: str) 
         water.append(dive.water_up[use])
     model = np.concatenate([*modelled, np.zeros(0)])
     up = np.concatenate([*water, np.zeros(0)])
-    if period * model.size < LASTS:
+    if period * model.size < CORRELATION_TIME:
         return 1.0
     found = 1.0 - float(up.mean() / model.mean())
-    spread = float(up.std() / abs(model.mean())) / np.sqrt(period * model.size / LASTS)
-    found = 1.0 + (found - 1.0) * LIKELY**2 / (LIKELY**2 + spread**2)
+    spread = float(up.std() / abs(model.mean())) / np.sqrt(period * model.size / CORRELATION_TIME)
+    found = 1.0 + (found - 1.0) * PRIOR_DEVIATION**2 / (PRIOR_DEVIATION**2 + spread**2)
     return float(np.clip(found, LOWEST, HIGHEST))

@@ -190,7 +190,7 @@ def _reference(name: str, logs: LogStore, profiled: bool) -> str:
     """Source of a `true_` signal that the log itself holds.
 
     Args:
-      profiled: whether the log holds currents, so that its velocities come from a profiler.
+      profiled: the log holds currents, so its velocities come from a profiler.
     """
     if logs.simulated:
         return SIMULATED
@@ -256,7 +256,7 @@ def _join(parts: list[_Part], period: float, provenance: dict[str, object]) -> L
         },
         states=np.zeros((0, 0)),
         provenance=provenance,
-        sources={name: " or ".join(said) for name, said in sources.items()},
+        sources={name: " or ".join(named) for name, named in sources.items()},
         starts=tuple(starts),
     )
 

@@ -53,7 +53,7 @@ class ThermalLag:
     """[s] tau: time constant with which the error decays"""
 
     def excess(self, temperature: Array, period: float) -> Array:
-        """Temperature outside less that in the cell [K], (time,); Morison et al. (1994), eq. 5-7.
+        """Temperature outside minus that in the cell [K], (time,); Morison et al. (1994), eq. 5-7.
 
         Args:
           temperature: [degree_Celsius] without gaps, (time,).
@@ -130,7 +130,7 @@ def _difference(pairs: Sequence[tuple[Cast, Cast]], lag: ThermalLag | None) -> f
         for cast in pair:
             salinity = cast.salinity
             if lag is not None:
-                # the cell is at temperature less excess
+                # the cell's temperature is that outside minus the excess
                 salinity = salinity - cast.slope * lag.excess(cast.temperature, cast.period)
             order = np.argsort(cast.temperature[cast.part], kind="stable")
             curves.append(

@@ -30,18 +30,18 @@ from twin.records.reader import MissionStore
 Array = NDArray[np.float64]
 
 GPS_DEVIATION = 5.0
-"""[m] Standard deviation, north and east each, of a fix whose antenna is in the waves."""
+"""[m] Standard deviation, north and east each, of a fix with the antenna in waves."""
 STAY = 300.0
 """[s] Longest time between two fixes of one surface interval; farther apart, a dive is between"""
 PIECES, LEAST_PIECE = 16, 20.0
 """Most steps of the current filter in a dive, and the shortest step [s]"""
 VELOCITY_SHARE = 0.012
-"""[1] Standard deviation of the velocity through the water over the speed, north and east each,
-beyond the errors of scale and compass: the remaining difference of descents and climbs"""
+"""[1] Standard deviation of the velocity through the water, north and east each, as a fraction of
+its speed, without errors of scale and compass: the remaining difference of descents and climbs"""
 SHEAR_SHARE = 0.2
-"""[1] Standard deviation of the current's change with depth over the mean current speed"""
+"""[1] Standard deviation of the current's change with depth, as a fraction of its mean speed"""
 PHASE = 600.0
-"""[s] Correlation time of that velocity error if the length of descents and climbs is unknown"""
+"""[s] Correlation time of this velocity error if the duration of descents and climbs is unknown"""
 SPEED_SCALE, COMPASS = 0.03, 2.0
 """[1], [degree] Standard deviations of the remaining speed scale, in a model scaled by the depth
 rate, and of a calibrated compass"""
@@ -67,8 +67,8 @@ class Fixes:
 def fixes_of(store: MissionStore, mission: int) -> Fixes:
     """Read the fixes of a mission of a store; empty if the store has no GPS.
 
-    A simulated mission starts at its origin: that place counts as a fix, even if the receiver had
-    none by then.
+    The start of a simulated mission is its origin and counts as a fix, even if the receiver had
+    none yet.
     """
     names = ("measured_gps_north", "measured_gps_east")
     if any(name not in store for name in names):
@@ -88,7 +88,7 @@ def fixes_at(known: Array) -> Fixes:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Place:
-    """Origin of a mission's frame [degree], NaN where the store does not have it."""
+    """Origin of a mission's frame [degree], NaN if the store does not have it."""
 
     latitude: float
     longitude: float
@@ -98,7 +98,7 @@ class Place:
 
     @property
     def known(self) -> bool:
-        """Whether the origin has a latitude and a longitude."""
+        """True if the origin has a latitude and a longitude."""
         return bool(np.isfinite(self.latitude) and np.isfinite(self.longitude))
 
     def degrees(self, north: Array, east: Array) -> tuple[Array, Array]:
@@ -156,7 +156,7 @@ def smoothed_tracks(
       ways: tracks through the water of one deployment.
       period: [s] between samples.
       latitude: [degree] of the deployment.
-      parameters: of the current, such as those of `track_parameters`.
+      parameters: parameters of the current, such as those of `track_parameters`.
     """
     order = sorted(range(len(ways)), key=lambda k: (not np.isfinite(ways[k].start), ways[k].start))
     found: dict[int, tuple[Array, Array]] = {}
@@ -175,7 +175,7 @@ def smoothed_tracks(
             knots = []
         elif way.start > filter_.time:
             filter_.step(way.start - filter_.time, None)
-        knots += [(k, sample, node) for sample, node in _lead(filter_, way, period)]
+        knots += [(k, sample, node) for sample, node in _step_along(filter_, way, period)]
     if filter_ is not None:
         _collect(found, ways, knots, filter_.smooth(), period)
     return [found[k] for k in range(len(ways))]
@@ -234,7 +234,7 @@ def _legs(ways: Sequence[SmoothedWay], period: float) -> list[Leg]:
     return legs
 
 
-def _lead(filter_: CurrentFilter, way: SmoothedWay, period: float) -> list[tuple[int, int]]:
+def _step_along(filter_: CurrentFilter, way: SmoothedWay, period: float) -> list[tuple[int, int]]:
     """Step a filter along a track; return samples and the nodes of the filter's record at them."""
     water, fixes = way.water(period), way.fixes
     found = stays(fixes, period)

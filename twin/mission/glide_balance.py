@@ -65,7 +65,7 @@ class VehiclePolar:
         self.zero_lift = float(brentq(lambda alpha: self.at(alpha).lift, low, high, xtol=1e-15))
 
     def at(self, alpha: float) -> Polar:
-        """Forces over speed squared at an angle of attack [rad], parts at rest."""
+        """Forces divided by speed squared at an angle of attack [rad], with parts at rest."""
         vehicle, density = self._vehicle, self._vehicle.reference_density
         if is_flow_frame(vehicle.law):  # the coefficients are of the whole vehicle
             return vehicle.law.polar(alpha, density)
@@ -264,7 +264,7 @@ def _balancing_shift(
     """Shift [m] at which the pitch moments about the CB balance, wings level; 0 without a slide.
 
     Gravity gives -g (x cos(pitch) + z sin(pitch)), with (x, z) the first moments of mass [kg m]
-    less that of the water displaced by the pump at its place. The water gives (K_M0 + K_M alpha)
+    minus that of the water displaced by the pump at its place. The water gives (K_M0 + K_M alpha)
     V^2 and the Munk moment (Z_A - X_A) u w of the added mass.
     """
     slide = vehicle.steered("pitch")

@@ -65,9 +65,9 @@ def _enter(table, state, index, t, depth, altitude, heading):
 
 @borrowing
 def _must_surface(row, state, t, following):
-    """Tell whether a flight to a waypoint surfaces now: by time, by yos or on arrival.
+    """True if a flight to a waypoint surfaces now: by time, by yos or on arrival.
 
-    `following`: phase after the turns at depth.
+    `following`: next phase; the turns at the largest and the least depth are already made.
     """
     if state[g.ARRIVED] != 0.0:
         return bool(row[g.SURFACE_AT_TARGET] != 0.0)
@@ -81,7 +81,7 @@ def _must_surface(row, state, t, following):
 def _waypoint_phase(row, state, t, following):
     """Phase of a flight to a waypoint: surfaces for a fix, dives again, updates the course."""
     phase = state[g.PHASE]
-    # a target of a mission that holds its last segment is approached again and again
+    # a mission that is done and holds its last segment keeps approaching the target
     if state[g.DONE] == 0.0 and distance_left(row, state) <= row[g.ARRIVAL_RADIUS]:
         state[g.ARRIVED] = 1.0
     if phase in (g.DIVE, g.CLIMB):

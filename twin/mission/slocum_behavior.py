@@ -33,7 +33,7 @@ _PLACE = re.compile(
     rf"{_COORDINATE}(?:\s*[,;]\s*|\s+){_COORDINATE}(?![\w.]){_WORDS}", re.IGNORECASE
 )
 _NUMBER = re.compile(r"[\s,;]*[-+]?\.?\d")
-"""Words must not start like a number, which may be the end of the second one: 2022,0 -2510,0."""
+"""Start of a number. If a comment after two coordinates begins so, they have decimal commas."""
 MINUTES = 60.0
 """Minutes in a degree."""
 

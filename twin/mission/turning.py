@@ -1,8 +1,8 @@
 """Turning: steady turn rate of a vehicle at a position of the part that turns it.
 
-Swept or upright wings roll a hull in sideslip to opposite sides in a dive and in a climb; a rudder
-acts alike in both. So sign and gain of a heading loop can differ between the phases. They are
-found from the vehicle's steady turns, linearised about straight motion.
+In sideslip, wings with sweep or dihedral roll a hull to opposite sides in a dive and in a climb; a
+rudder acts alike in both. So sign and gain of a heading loop can differ between the phases. Both
+follow from the vehicle's steady turns, linearised about straight motion.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def _turn_per_position(vehicle: Vehicle, index: int, numbers: tuple[float, ...])
     pitch, speed, alpha, *command = numbers
     part = vehicle.parts[index]
 
-    def left(x: Array, moved: float) -> Array:
+    def residual(x: Array, moved: float) -> Array:
         """Residual side force [N], roll and yaw moment [N m] at sway, roll and turn rate."""
         velocity = np.array([speed * math.cos(alpha), x[0], speed * math.sin(alpha)])
         position = np.array(command)
@@ -62,9 +62,9 @@ def _turn_per_position(vehicle: Vehicle, index: int, numbers: tuple[float, ...])
         motion = {"pitch": pitch, "roll": x[1], "turn_rate": x[2]}
         return imbalance(vehicle, position, velocity, **motion)[list(LATERAL)]
 
-    slopes = [(left(d, 0.0) - left(-d, 0.0)) / (2.0 * STEP) for d in STEP * np.eye(3)]
+    slopes = [(residual(d, 0.0) - residual(-d, 0.0)) / (2.0 * STEP) for d in STEP * np.eye(3)]
     step = PART_STEP * (part.high - part.low)
-    driven = (left(np.zeros(3), step) - left(np.zeros(3), -step)) / (2.0 * step)
+    driven = (residual(np.zeros(3), step) - residual(np.zeros(3), -step)) / (2.0 * step)
     found = solved_system(np.column_stack(slopes), -driven)
     if found is None:
         raise MissionError(
@@ -77,10 +77,10 @@ def _turn_per_position(vehicle: Vehicle, index: int, numbers: tuple[float, ...])
 def turn_factor(vehicle: Vehicle, steady: Way) -> float:
     """Factor on the vehicle file's heading loop in a steady motion.
 
-    It has the sign of the turn in that motion. Its size is the ratio of the turn rate in the usual
-    motion to that here, within LARGEST_FACTOR. If the fins do not stabilise the hull, its steady
-    turns can oppose the rudder: then the sign is that of the rudder's moment, and the size the
-    usual speed over this one.
+    The factor has the sign of the turn in this motion. Its size is the usual motion's turn rate
+    divided by the turn rate in this one, within LARGEST_FACTOR. If the fins do not stabilise the
+    hull, steady turns can oppose the rudder. The factor then has the sign of the rudder's moment,
+    and its size is the usual speed divided by this one.
 
     Raises:
       MissionError: as for `turn_per_position`; or the part does not turn the vehicle.

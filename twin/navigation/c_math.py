@@ -44,7 +44,7 @@ def table(name: str, values: Iterable[float]) -> str:
 
 
 PRELUDE = """\
-/* The nearest whole number, of less than four millions. */
+/* Nearest whole number of a value below four million in size. */
 static inline float gt_round(float v)
 {
     const float shifted = v + 12582912.0f; /* 1.5 times 2^23: units are its last place */
@@ -53,7 +53,7 @@ static inline float gt_round(float v)
 
 static inline float gt_most(float a, float b) { return a > b ? a : b; }
 
-/* v within -most and most; nothing where v is not a number. */
+/* v limited to -most..most; 0 if v is not a number. */
 static inline float gt_bounded(float v, float most)
 {
     return v > most ? most : v < -most ? -most : v == v ? v : 0.0f;
@@ -93,8 +93,8 @@ static inline float gt_cosine(float angle)
     return cosine;
 }
 
-/* The angle [rad] whose sine this is: Cephes' asinf (Moshier 1992) within half, and of the half
- * angle of its complement beyond. */
+/* Arcsine [rad]: the series of Cephes' asinf (Moshier 1992) up to a sine of 0.5; beyond, the series
+ * gives half of the complementary angle. */
 static inline float gt_arcsine(float sine)
 {
     const float size = fabsf(sine);
@@ -107,7 +107,7 @@ static inline float gt_arcsine(float sine)
     return sine < 0.0f ? -angle : angle;
 }
 
-/* The angle [rad] of a sine and a cosine, within half a turn either way. */
+/* Angle [rad] from its sine and cosine, -pi to pi. */
 static inline float gt_angle(float sine, float cosine)
 {
     const float most = sine < 0.0f ? -3.14159274f : 3.14159274f;
@@ -116,13 +116,13 @@ static inline float gt_angle(float sine, float cosine)
     return cosine < 0.0f ? most - gt_arcsine(sine) : gt_arcsine(sine);
 }
 
-/* A float by its bits: what compares them needs no branches, and goes into vector instructions. */
+/* A float and its bits: comparing bits needs no branches and compiles to vector instructions. */
 typedef union {
     float value;
     int bits;
 } gt_bits;
 
-/* e^v, by its series within half an octave; of at most 87 either way. */
+/* e^v, by its series within half an octave; v is limited to -87..87. */
 static inline float gt_exp(float v)
 {
     gt_bits x = {v}, scale;
@@ -135,8 +135,8 @@ static inline float gt_exp(float v)
         + r * (1.0f / 24.0f + r * (1.0f / 120.0f + r * (1.0f / 720.0f + r * (1.0f / 5040.0f))))))));
 }
 
-/* A value, and by how much it changes where a constant is nudged: the difference of two float32
- * would have lost it. */
+/* A value and its change by a small step of a constant: the difference of two float32 would lose
+ * the change. */
 typedef struct {
     float value, change;
 } gt_pair;
@@ -180,7 +180,7 @@ static inline void gt_directed(gt_pair angle, gt_pair *sine, gt_pair *cosine)
     cosine->change = -2.0f * s * (sine->value * c + cosine->value * s);
 }
 
-/* Within -most and most. */
+/* a limited to -most..most; its change is 0 at the limits. */
 static inline gt_pair gt_held(gt_pair a, float most)
 {
     const gt_pair end = {gt_bounded(a.value, most), 0.0f};
@@ -199,13 +199,13 @@ SHAPED = {
 """C expression of the value that enters a window, by the term's shape."""
 
 FEATURES_PRELUDE = """\
-/* The angle [rad] next to the one before, without the jump at a full turn. */
+/* Angle [rad] plus full turns, so that it does not jump from the angle before. */
 static inline float gt_turned(float angle, float before, int count)
 {
     return count ? angle + 6.28318531f * gt_round((before - angle) * 0.159154943f) : angle;
 }
 
-/* A value goes in behind the oldest first; before the first one a signal is taken as constant. */
+/* Drops the oldest value and appends a new one; the first value fills the window. */
 static inline void gt_push(float *window, int length, float value, int count)
 {
     for (int i = 0; i + 1 < length; i++)
@@ -213,8 +213,8 @@ static inline void gt_push(float *window, int length, float value, int count)
     window[length - 1] = value;
 }
 
-/* The change to a value goes in behind the oldest first, then the value; that of an angle, whose
- * turn is 360, is the short way. */
+/* Appends a value to a window of changes: its change from the last value, then itself. `turn` is
+ * 360 for an angle, whose change is at most half a turn; else 0. */
 static inline void gt_change(float *window, int length, float value, float turn, int count)
 {
     const float change = count ? value - window[length - 1] : 0.0f;
@@ -230,7 +230,7 @@ static inline float gt_sum(const float *weights, const float *values, int count)
     return sum;
 }
 
-/* Mean of the last values, fewer at the start. */
+/* Mean of the last `length` values, or of all if there are fewer. */
 static inline float gt_mean(const float *end, int length, int count)
 {
     const int held = count < length ? count : length;

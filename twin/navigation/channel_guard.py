@@ -1,8 +1,8 @@
-"""Channel guard: reject samples outside a channel's limits or rate before they reach a state.
+"""Channel guard: filter that replaces impossible samples before a navigator uses them.
 
-A sample must lie within its channel's limits, and within reach of the last good value. If it is
-missing, not finite, outside the limits or out of reach, the last good value replaces it. The reach
-grows with the time since the last good value.
+A good sample lies within its channel's limits. Its difference from the last good value is at most
+the channel's reach, which grows with the time since that value. A sample that is missing, not
+finite or not good is replaced by the last good value.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from twin.navigation.c_math import number
 from twin.records.schema import variable
 from twin.records.schema.limits import recorded_limits
 
-FAR = 1e30
-"""Infinite reach, as a number that float32 can hold"""
+UNLIMITED = 1e30
+"""Rate or jump of a channel without a limit; a finite number in float32 too"""
 
 
 class ChannelReach(NamedTuple):
-    """Reach of a channel from its last good value."""
+    """Largest change of a channel since its last good value: `jump` + `rate` times the time."""
 
-    rate: float = FAR
-    """Fastest change per second, in the channel's unit"""
-    jump: float = FAR
-    """Additional change by noise, quantisation and a late reading"""
+    rate: float = UNLIMITED
+    """Largest rate of change, in the channel's unit per second"""
+    jump: float = UNLIMITED
+    """Largest change by noise, quantisation and delayed readings, in the channel's unit"""
 
 
 REACHES = {
-    # the fastest vehicles dive with 3 m/s; a wave lifts one that floats
+    # the fastest vehicles dive at 3 m/s; waves lift a floating vehicle
     "m": ChannelReach(rate=5.0, jump=10.0),
     # crossing a front or a halocline
     "kg m-3": ChannelReach(rate=3.0, jump=6.0),
@@ -44,14 +44,14 @@ REACHES = {
     # the largest pumps of real gliders
     "cm3": ChannelReach(rate=200.0, jump=600.0),
 }
-"""Reaches of measured channels, by unit; commands and angles may jump and have none"""
+"""Reaches of measured channels, by unit; commands and angles may jump: they have no limit"""
 
 
 class ChannelGuard:
-    """Guard that keeps each channel's last good value and its age."""
+    """Filter of samples that keeps the last good value of each channel and its age."""
 
     def __init__(self, channels: Sequence[str], period: float):
-        """Start before the first sample; `period` [s] is the time between samples."""
+        """Prepare for samples of these channels, `period` [s] apart."""
         self.channels = tuple(channels)
         self.period = period
         units = ["" if c.startswith("commanded_") else variable(c).units for c in self.channels]
@@ -64,12 +64,12 @@ class ChannelGuard:
     def reset(self) -> None:
         """Return to the state before the first sample."""
         self._last = [math.nan] * len(self.channels)
-        self._age = [0] * len(self.channels)  # samples since the good one; 0: none so far
+        self._age = [0] * len(self.channels)  # samples since the last good value; 0: none so far
         self.held: tuple[str, ...] = ()
         """Channels whose last good value replaced the sample's value"""
 
     def step(self, sample: Mapping[str, float]) -> dict[str, float] | None:
-        """Accept a sample and return good values; None until every channel has had a good value.
+        """Replace impossible values of a sample; return None until each channel had a good value.
 
         Args:
           sample: values of `channels`, in the schema's units; a missing value counts as NaN.
@@ -90,7 +90,7 @@ class ChannelGuard:
         return dict(zip(self.channels, self._last, strict=True)) if all(self._age) else None
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Arrays by name that determine the next step."""
+        """State of the guard, as arrays by name, for `restore`."""
         return {"last": np.array(self._last), "age": np.array(self._age, np.float64)}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
@@ -105,9 +105,9 @@ class ChannelGuard:
         self._last, self._age = last.tolist(), [int(a) for a in age]
 
     def c_statements(self) -> str:
-        """C99 statements that put good values in `sample`, or return 0 until all channels have one.
+        """C99 statements that do to `sample` what `step` does; they return 0 where it returns None.
 
-        They need `float last[n], age[n]; int held;` in `state`, and C_PRELUDE.
+        The statements need `float last[n], age[n]; int held;` in `state`, and C_PRELUDE.
         """
         calls = (
             f"seen &= gt_kept(&kept.{name}, &state->last[{k}], &state->age[{k}], "
@@ -119,8 +119,8 @@ class ChannelGuard:
 
 
 C_PRELUDE = """\
-/* The value to go on with: this one, or the last good one where this is missing, impossible or out
- * of reach. 0: there has been no good one yet. */
+/* Replaces a value that is missing, outside its limits or too far from the last good value by that
+ * good value. Returns 0 if the channel had no good value yet, else 1. */
 static inline int gt_kept(float *value, float *last, float *age, int *held, float low, float high,
                           float rate, float jump)
 {

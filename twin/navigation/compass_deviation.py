@@ -8,7 +8,7 @@ compass shows the heading too small by
 
 to first order. This error depends on the heading; the heading integrated from the gyros lacks it.
 Their difference is a, plus a constant, plus the effect of the gyros' bias and scale: in a turn it
-changes as a does. A Kalman filter estimates all of these. Measured pitch gives the bias of the
+changes like a. A Kalman filter estimates all of these. Measured pitch gives the bias of the
 pitch gyro, which enters the heading when the vehicle rolls in a turn. Only fixes give the mean of a
 over all headings, the compass' offset (`twin.navigation.current`).
 
@@ -60,7 +60,7 @@ STEP_S = 20.0
 
 
 def sensitivities(roll: float, pitch: float, heading: float) -> Array:
-    """Sensitivities of true minus shown heading to the five iron parameters, (5,) [1].
+    """Sensitivities of true minus compass heading to the five iron parameters, (5,) [1].
 
     Args:
       roll, pitch, heading: measured [rad].
@@ -83,7 +83,7 @@ class CompassDeviation:
     """Filter for one compass' deviation, stepped sample by sample."""
 
     def __init__(self, period: float):
-        """Start before the first sample; `period` [s] is the time between samples."""
+        """Create the filter; `period` [s] is the time between samples."""
         self.period = period
         self._samples = max(1, round(STEP_S / period))
         self.reset()
@@ -99,7 +99,7 @@ class CompassDeviation:
         self._begin()
 
     def _begin(self) -> None:
-        """Start the next mean."""
+        """Start the next mean over `STEP_S`."""
         self._count = 0
         self._from = self._turned
         # sums over a mean: sensitivities to the iron, `_parted`, `_turned`, and the two effects
@@ -196,7 +196,7 @@ class CompassDeviation:
         self._covariance = covariance + deviation**2 * np.outer(gain, gain)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Arrays by name that determine the next step."""
+        """State as arrays by name, for `restore`."""
         own = np.array([self._parted, self._turned, self._from, self._count])
         return {name: getattr(self, f"_{name}").copy() for name in ARRAYS} | {"own": own}
 

@@ -10,13 +10,13 @@ A steady uniform current cannot be observed from sensors that move with the wate
 ground is therefore a track through the water plus an assumption about the current:
 
 - `none`: the water stands still;
-- `previous`: the depth-averaged current of the dive before, as gliders fly;
+- `previous`: the depth-averaged current of the previous dive, as gliders use on board;
 - `corrected`: the current of the dive itself, known after its end. The misclosure at the first fix
   after the dive is spread linearly in time over the dive (a linear ramp; Tethys' post-processing
   nudges its track to the fixes in the same way).
 
-The depth-averaged current of a dive is its misclosure over its duration: fix at the end, minus fix
-at the start, minus the track through the water in between (Eriksen et al. 2001).
+The depth-averaged current of a dive is its misclosure divided by its duration: fix at the end,
+minus fix at the start, minus the track through the water in between (Eriksen et al. 2001).
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def values_of(
       wrong: end of the error message for a value that is not finite; empty accepts such values.
 
     Raises:
-      InputError: a channel is missing, or not finite where `wrong` is given.
+      InputError: a channel is missing, or not finite although `wrong` is given.
     """
     try:
         found = {name: float(sample[name]) for name in names}

@@ -13,8 +13,8 @@ separate drag from ballast: many pairs give one depth rate. Dives and climbs at 
 so the estimate improves over a mission. The filter needs the density from a CTD: without it the
 error of the buoyancy in stratified water exceeds that of the drag.
 
-The pitch is corrected to the accelerometers', by the attitude's slow difference from them, which
-gyro biases cause. Depth was computed for a standard ocean; the density corrects its rate.
+Gyro biases make the attitude's pitch drift from the accelerometers'; the filter removes the slow
+difference. Depth was computed for a standard ocean; the density corrects its rate.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ from twin.vehicle.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 FLIGHT_FILTER = 3
-"""Version of the outputs: 1 was a steady balance, 2 follows the hull's motion, 3 also afloat, where
-2 lagged. A network trained on one version cannot read another."""
+"""Version of the outputs: 1 was a steady balance, 2 follows the hull's motion under water, 3 also
+at the surface. A network trained on one version cannot read another."""
 TYPICAL_COMPRESSIBILITY = 5e-10
 """[1/Pa] Compressibility of a hull whose file has none."""
 
@@ -86,10 +86,10 @@ HULLS: Mapping[str, FlightSpread] = {
     ANY: FlightSpread(),
     CLEAN: FlightSpread(drag=FlightSpread.coefficient, depth_rate=3e-3),
 }
-"""Prior knowledge of the hulls: none, or no growth, as in preset `field`. With the second,
-a lasting error is taken for the hull's. Track error with 40 % more drag: 1.06 % of the path by
-networks of clean hulls, 0.58 % by networks of any; on clean hulls 0.32 and 0.41 %
-(docs/results/networks.md, "A hull that is not as its file")."""
+"""Prior knowledge of the hulls: `any`, or `clean` (no growth, as in preset `field`). With
+`clean`, a lasting error of the depth rate counts as the hull's. Track error with 40 % more drag:
+1.06 % of the path by networks of clean hulls, 0.58 % by networks of any; on clean hulls 0.32 and
+0.41 % (docs/results/networks.md, "A hull that is not as its file")."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -181,7 +181,7 @@ class FlightFilter:
         spread: FlightSpread | None = None,
         start: FlightStart | None = None,
     ):
-        """Start before the first sample.
+        """Create the filter.
 
         Args:
           vehicle: as in its file.
@@ -269,7 +269,7 @@ class FlightFilter:
         }
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Arrays by name that determine the next step."""
+        """State as arrays by name, for `restore`."""
         return {"carried": self._carried.copy()}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:

@@ -1,13 +1,13 @@
 """Flight filter in C99: the filter of `flight_filter_kernels` in float32, without Python.
 
-- Constants are in units of their prior standard deviations: their covariance starts near 1 instead
-  of spanning twenty orders.
+- The constants are in units of their prior standard deviations. The elements of their covariance
+  are then near 1 at the start; in SI units they would span twenty orders of magnitude.
 - The covariance is stored as a square root S, P = S S', which rounding cannot make indefinite.
   Potter's formula corrects it (Kaminski, Bryson and Schmidt, "Discrete square root filtering: a
   survey of current techniques", IEEE Transactions on Automatic Control 16, 1971, section III).
-- Small differences of large numbers are computed from their differences: the net mass from the
-  density minus the reference density, the attitude's difference from the accelerometers by its
-  sine, slopes of the balance by the change of its depth rate.
+- Rounding would spoil small differences of large numbers. So the net mass is computed from the
+  density's difference from the reference, the angle between attitude and accelerometers from its
+  sine, and slopes of the balance from changes (`gt_pair` of `c_math`).
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from twin.vehicle.laws import flow_frame
 from twin.water.density import STANDARD_OCEAN
 
 NUMBERS = kernels.CARRIED
-"""Number of floats of the filter's state, zero before the first sample. The layout is that of
-`flight_filter_kernels`; constants, covariance and times have other units (see above)."""
+"""Number of floats of the filter's state, all 0 before the first sample. The layout is that
+of `flight_filter_kernels`; constants and covariance are scaled, and times are in samples."""
 
 
 def c_flight(*flights: FlightFilter) -> str:
     """C text of `gt_flight(const gt_begin *begin, float *carried, const glider_sample *sample,
-    float *estimated)`, which gives OUTPUTS of a sample. The filters share vehicle and period;
-    `gt_begins` has the start of each."""
+    float *estimated)`, which writes the kernels' OUTPUTS of a sample. The filters have one vehicle
+    and period; the table `gt_begins` holds the initial values of each."""
     law, inertia, hull, prior, _, period, inverse = flights[0].model
     mass, volume, gravity, reference, _ = map(float, hull)
     names = "VOLUME GRAVITY REFERENCE SQUEEZE OCEAN DEEPER SHALLOW SURFACE"
@@ -86,18 +86,18 @@ def samples_beyond(seconds: float, period: float) -> int:
 
 
 _TEXT = """\
-/* What a filter begins with: constants in prior deviations, a root of their covariance, and the
- * variance of a depth rate. */
+/* Initial values of a filter: constants in prior standard deviations, a root of their covariance,
+ * and the variance of a depth rate. */
 typedef struct {
     float constants[7], root[49], rate;
 } gt_begin;
 static const gt_begin gt_begins[] = @BEGINS@;
 static const float gt_inertia[] = @INERTIA@;
-static const float gt_inverse[] = @INVERSE@; /* of the inertia */
+static const float gt_inverse[] = @INVERSE@; /* inverse of gt_inertia */
 
-/* Steady balance of forces: speed, angle of attack, sideslip and the downward part of the
- * direction into `out`, with their changes by constant `nudged`; 0 where nothing pulls along the
- * hull. */
+/* Steady balance of forces: writes speed, angle of attack, sideslip and downward direction cosine
+ * to `out`, each with its change by a small step of constant number `nudged`. Returns 0 if no
+ * force acts along the hull. */
 static int gt_balance(const float *x, const float *c, int nudged, const float *start,
                       int iterations, gt_pair *out)
 {
@@ -172,7 +172,7 @@ static int gt_balance(const float *x, const float *c, int nudged, const float *s
     return 1;
 }
 
-/* Surge of a balance; the depth rate has the say where the path is steep. */
+/* Surge of a balance; on steep paths the depth rate determines the speed. */
 static gt_pair gt_surge(const gt_pair *out, float rate)
 {
     gt_pair sine, ca, cb, weight = gt_times(out[3], out[3]);
@@ -185,8 +185,8 @@ static gt_pair gt_surge(const gt_pair *out, float rate)
     return gt_times(speed, gt_times(ca, cb));
 }
 
-/* Depth rate of the balance, or its surge at a depth rate where that is given, and its slope along
- * each constant; the balance from its angles on is left in `out`. */
+/* Returns the depth rate of the balance, or its surge if `rate` is given, and writes the derivative
+ * by each constant to `slope`. `out` holds the speed and angles to start from, then the balance. */
 static float gt_slopes(const float *x, const float *c, const float *rate, float *slope,
                        gt_pair *out)
 {
@@ -200,7 +200,7 @@ static float gt_slopes(const float *x, const float *c, const float *rate, float 
     return found.value;
 }
 
-/* The root of the covariance, transposed, times a slope; gives the variance along it. */
+/* Writes the transposed root of the covariance times a slope; returns the variance along it. */
 static float gt_along(const float *root, const float *slope, float *through)
 {
     float variance = 0.0f;
@@ -213,8 +213,8 @@ static float gt_along(const float *root, const float *slope, float *through)
     return variance;
 }
 
-/* A correction of the seven constants by the depth rate; gives the deviation of surge over surge
- * that they leave. */
+/* Corrects the seven constants by the depth rate; returns the relative standard deviation of surge
+ * by their remaining uncertainty. */
 static float gt_correct(float *c, float *root, const float *x, float rate, float noise,
                         gt_pair *out)
 {
@@ -238,22 +238,22 @@ static float gt_correct(float *c, float *root, const float *x, float rate, float
     return sqrtf(gt_along(root, slope, through)) / gt_most(surge, @LEAST_SURGE@);
 }
 
-/* A matrix (3, 3) times a vector. */
+/* Multiplies a matrix (3, 3) by a vector. */
 static void gt_mapped(const float *matrix, const float *v, float *made)
 {
     for (int i = 0; i < 3; i++)
         made[i] = gt_sum(matrix + 3 * i, v, 3);
 }
 
-/* Weight of the law of the whole sphere at a flow angle. */
+/* Weight, at a flow angle, of the law for all angles; 0 at small angles. */
 static float gt_blend(float angle)
 {
     const float x = (fabsf(angle) - @LINEAR@) * @BLENDS@;
     return x > 0.0f ? x < 1.0f ? x * x * (3.0f - 2.0f * x) : 1.0f : 0.0f;
 }
 
-/* Force of the water [N] on a hull with these coefficients at a velocity through it; gives the
- * angle of attack [rad]. */
+/* Force of the water [N] on a hull with these coefficients at velocity `v` through the water;
+ * returns the angle of attack [rad]. */
 static float gt_force(float drag, float induced, float slope, const float *v, float *force)
 {
     const float square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2], speed = sqrtf(square);
@@ -281,8 +281,8 @@ static float gt_force(float drag, float induced, float slope, const float *v, fl
     return alpha;
 }
 
-/* Velocity through the water [m/s] a sample later, by the hull's equation of motion; gives its
- * downward part. At the surface it is carried, and sinks by the depth rate alone. */
+/* Advances the velocity through the water [m/s] by one period; returns its downward component. At
+ * the surface the water supports the hull, and the depth rate is the downward velocity. */
 static float gt_move(float *v, const float *x, const float *c, int afloat, float rate)
 {
     static const float prior[] = @PRIOR@;
@@ -317,8 +317,8 @@ static float gt_move(float *v, const float *x, const float *c, int afloat, float
     return gt_sum(down, v, 3);
 }
 
-/* Surge and sway [m/s], angle of attack [rad], whether the glide is steady, and the deviation of
- * surge [m/s], by a balance of forces that is learned on the way. */
+/* Writes surge and sway [m/s], angle of attack [rad], 1 if the glide is steady, and the standard
+ * deviation of surge [m/s]; steady glides correct the constants of the balance of forces. */
 static void gt_flight(const gt_begin *begin, float *carried, const glider_sample *sample,
                       float *estimated)
 {
@@ -336,7 +336,7 @@ static void gt_flight(const gt_begin *begin, float *carried, const glider_sample
     float sine, cosine, offset = 0.0f;
     gt_direction(attitude, &sine, &cosine);
     if (size > 0.0f) {
-        const float off = (sine * across - cosine * fx) / size; /* the difference's sine */
+        const float off = (sine * across - cosine * fx) / size; /* sine of the difference */
         const int small = fabsf(off) < @MOST_SINE@ && cosine * across + sine * fx > 0.0f;
         offset = small ? off + off * off * off / 6.0f : off > 0.0f ? @MOST_OFFSET@ : -@MOST_OFFSET@;
     }
@@ -366,7 +366,7 @@ static void gt_flight(const gt_begin *begin, float *carried, const glider_sample
     carried[@SINCE_AFLOAT@] = still ? 0.0f : carried[@SINCE_AFLOAT@] + 1.0f;
     carried[@SINCE_UPDATE@] += 1.0f;
     carried[@STARTED@] = 1.0f;
-    /* under way by inputs that do not lag; afloat by prompt means, where these are not noise */
+    /* under water, inputs without lag; afloat, the prompt means if they exceed the noise */
     const float prompt = first ? 1.0f : @PROMPT@;
     carried[@PROMPT_PITCH@] += prompt * (pitch - carried[@PROMPT_PITCH@]);
     carried[@PROMPT_SINKS@] += prompt * (change - carried[@PROMPT_SINKS@]);
@@ -393,7 +393,7 @@ static void gt_flight(const gt_begin *begin, float *carried, const glider_sample
         }
         int learning = gt_balance(x, c, -1, start, @ITERATIONS@, out);
         if (learning && !attached) {
-            /* the depth rate tells a stalled hull from one that is only taken for stalled */
+            /* the depth rate shows whether the hull stalls, or the velocity here is wrong */
             learning = fabsf(rate - out[0].value * out[3].value) < fabsf(rate - down);
             if (learning) {
                 gt_direction(out[2].value, &sine, &cosine);

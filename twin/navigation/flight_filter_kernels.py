@@ -27,8 +27,8 @@ DEPTH, ROLL, PITCH, P, Q, R, FX, FY, FZ, PUMP, DENSITY = range(len(CHANNELS))
 CONSTANTS = ("drag", "lift_slope", "pitch_x", "pitch_z", "ballast", "compressibility", "induced")
 DRAG, LIFT, TILT_X, TILT_Z, BALLAST, SQUEEZE, INDUCED = range(len(CONSTANTS))
 OUTPUTS = ("surge", "sway", "attack", "steady", "surge_sd")
-"""Outputs for each sample: surge and sway [m/s], the angle of attack [rad], 1 if the glide is
-steady in the balance's sense, and surge's standard deviation [m/s] by the constants. The angle is
+"""Outputs for each sample: surge and sway [m/s], the angle of attack [rad], 1 in a steady
+glide, and surge's standard deviation [m/s] from the uncertainty of the constants. The angle is
 limited to +-0.3 rad: stalled or tail first, only its sign is meaningful."""
 SMOOTHED_S = 5.0
 """[s] Time constant of the balance's exponential means: longer than noise, shorter than a glider
@@ -37,8 +37,8 @@ PROMPT_S = 1.0
 """[s] Time constant of the means of pitch and depth rate afloat. A surfacing hull turns by 100
 degrees in ten seconds: both means must have the same small lag."""
 PROMPT_RATE = 0.02
-"""[m/s] Least difference of the depth rate's prompt mean from the other, for the prompt one to be
-used. Smaller differences are noise, which would propel a hull with wings forward."""
+"""[m/s] Least difference of the depth rate's means over PROMPT_S and SMOOTHED_S for the first to be
+used. A smaller difference is noise, which would propel a hull with wings forward."""
 FUSED_S = 20.0
 """[s] Time constant with which the attitude's pitch follows the accelerometers'."""
 QUIET_S = 10.0
@@ -48,7 +48,7 @@ QUIET_PITCH = math.radians(1.0)
 QUIET_RATE = 0.01
 """[m/s] Largest difference of the depth rate from its slow mean in a steady glide."""
 AFLOAT_S = 40.0
-"""[s] Time after a surface interval without corrections."""
+"""[s] Time without corrections after a surface interval."""
 EVERY_S = 15.0
 """[s] Time between corrections, about the correlation time of a glider's errors."""
 ITERATIONS = 12
@@ -60,7 +60,7 @@ FASTEST = 3.0
 RELINEARISED = 2
 """Number of linearisations of a correction, each about the constants of the previous one."""
 NUDGE = 0.1
-"""[1] Step of the finite differences, over the prior standard deviation."""
+"""[1] Step of the finite differences, in prior standard deviations."""
 FLAT_SINE = 0.07
 """Sine of the glide angle at which the speeds by buoyancy and depth rate weigh equally, as in
 `steady_flight`."""
@@ -84,7 +84,7 @@ RESTLESS, SLOW_RATE, SINCE_AFLOAT, SINCE_UPDATE = 11, 12, 13, 14
 VELOCITY, SUNK = 15, 18
 """Places of the motion's velocity [m/s] along the hull's axes, and of its mean downward velocity"""
 SPREAD = 19
-"""Place of surge's relative standard deviation by the constants, updated at each correction"""
+"""Place of surge's relative standard deviation from the constants, updated at each correction"""
 PROMPT_PITCH, PROMPT_SINKS = 20, 21
 """Places of the means of pitch and depth rate over PROMPT_S"""
 GUESS = 22
@@ -137,9 +137,9 @@ def _balance(model, x, c, start, out):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _gives(out, rate):  # type: ignore[no-untyped-def]
-    """Surge [m/s] of a balance at a depth rate, which determines the speed on steep paths; with a
-    rate of NaN, the depth rate of the balance."""
+def _surge_or_rate(out, rate):  # type: ignore[no-untyped-def]
+    """Surge [m/s] of a balance; on steep paths the measured depth `rate` determines the speed. If
+    `rate` is NaN, the result is the depth rate [m/s] of the balance."""
     if rate != rate:
         return out[0] * out[3]
     speed = (out[0] * FLAT_SINE**2 + rate * out[3]) / (FLAT_SINE**2 + out[3] * out[3])
@@ -148,24 +148,24 @@ def _gives(out, rate):  # type: ignore[no-untyped-def]
 
 @jit
 def _slopes(model, x, c, start, rate, found, out):  # type: ignore[no-untyped-def]
-    """Value of `_gives`, with its derivatives by the constants in `found`, (7,); `out` is again the
-    balance of `c`."""
+    """Value of `_surge_or_rate`; writes its derivatives by the constants to `found`, (7,), and the
+    balance of `c` to `out`."""
     for j in range(c.size):
         kept, nudge = c[j], NUDGE * model.prior[j]
         c[j] += nudge
         _balance(model, x, c, start, out)
-        found[j] = _gives(out, rate) / nudge
+        found[j] = _surge_or_rate(out, rate) / nudge
         c[j] = kept
     _balance(model, x, c, start, out)
-    here = _gives(out, rate)
+    here = _surge_or_rate(out, rate)
     for j in range(c.size):
         found[j] -= here / (NUDGE * model.prior[j])
     return here
 
 
 @jit
-def _spread(model, x, c, cov, rate, start, slopes, out):  # type: ignore[no-untyped-def]
-    """Relative standard deviation of surge by the constants' uncertainty."""
+def _surge_deviation(model, x, c, cov, rate, start, slopes, out):  # type: ignore[no-untyped-def]
+    """Relative standard deviation of surge from the constants' uncertainty."""
     surge, variance = _slopes(model, x, c, start, rate, slopes, out), 0.0
     for i in range(c.size):
         for j in range(c.size):
@@ -204,8 +204,8 @@ def _move(model, x, c, afloat, rate, v):  # type: ignore[no-untyped-def]
     """Advance the velocity `v` through the water [m/s] by a period; return its downward part.
 
     The equation of motion has added mass, the measured turn rates and the twin's own law. The hull
-    can stall, sink tail first while heavy with its nose up, and coast at the surface. There the
-    surface supports it, and its downward velocity is the depth `rate`.
+    can stall, sink tail first if it is heavy with its nose up, and coast at the surface. At the
+    surface the water supports the hull, and the depth `rate` is its downward velocity.
     """
     law, inverse, period = model.law, model.inverse, model.period
     own = law.copy()
@@ -242,7 +242,7 @@ def _move(model, x, c, afloat, rate, v):  # type: ignore[no-untyped-def]
 @jit
 def filtered(model, samples, carried, learned):  # type: ignore[no-untyped-def]
     """Filter samples (time, 11): outputs (time, 5), and the number of corrections. `carried` is
-    updated in place; the first glides used go into `learned` (n, LEARNED)."""
+    updated in place; the first glides used are written to `learned` (n, LEARNED)."""
     hull, period, n, size = model.hull, model.period, samples.shape[0], model.prior.size
     mass, volume, gravity, reference, squeeze = hull[0], hull[1], hull[2], hull[3], hull[4]
     outputs = np.zeros((n, 5))
@@ -287,7 +287,7 @@ def filtered(model, samples, carried, learned):  # type: ignore[no-untyped-def]
         carried[SINCE_AFLOAT] = 0.0 if still else carried[SINCE_AFLOAT] + period
         carried[SINCE_UPDATE] += period
         carried[STARTED] = 1.0
-        # Under water, inputs without lag; afloat, prompt means where they exceed the noise.
+        # Under water, inputs without lag; afloat, prompt means if they exceed the noise.
         for i, value in ((PROMPT_PITCH, pitch), (PROMPT_SINKS, given[RATE])):
             carried[i] += (1.0 if first else prompt) * (value - carried[i])
         sinks = carried[PROMPT_SINKS]
@@ -346,7 +346,7 @@ def filtered(model, samples, carried, learned):  # type: ignore[no-untyped-def]
                     cov[i, j] -= gain[i] * gain[j] / variance
             for i in range(3):
                 start[i] = out[i]
-            carried[SPREAD] = _spread(model, x, c, cov, rate, start, slopes, out)
+            carried[SPREAD] = _surge_deviation(model, x, c, cov, rate, start, slopes, out)
         # The depth rate determines the speed on steep paths; afloat, `_move` has used it already.
         flat, sunk = FLAT_SINE * speed, carried[SUNK]
         weight = flat * flat + sunk * sunk

@@ -1,7 +1,7 @@
 """Flight fit: a hull's seven constants from its first dives, all glides at once.
 
-The flight filter's successive corrections depend on the order where the balance is nonlinear. A fit
-of all glides together does not. It finds the most probable set of constants
+The balance is nonlinear, so the flight filter's result depends on the order of its corrections. A
+fit of all glides together does not. The fit finds the most probable set of constants
 (Levenberg-Marquardt) with Huber's loss, and their covariance, from which a filter starts
 (`FlightStart`).
 
@@ -32,7 +32,7 @@ from twin.navigation.flight_filter_kernels import CONSTANTS, NUDGE, PLACE, RATE,
 from twin.numbers import Array
 
 GLIDE_RATE_SD = 3e-3
-"""[m/s] Standard deviation of one glide's depth rate; `widened` adds its persistence"""
+"""[m/s] Standard deviation of one glide's depth rate; `widened` allows for its persistence"""
 LASTING_RATE_SD = 1e-2
 """[m/s] Standard deviation of a filter's later corrections; ten corrections then count as one"""
 LOG_SD = (3e-3, 0.015)
@@ -48,7 +48,7 @@ FEWEST = 20
 ROUNDS, STOP, MOST_DAMPING = 60, 1e-4, 1e6
 """Most steps; and the step, in prior standard deviations, and the damping that end the fit"""
 SURE = 1e-6
-"""[1] Factor on the prior standard deviations that fixes the hull at its file"""
+"""[1] Factor on the prior standard deviations that keeps the constants at the file's"""
 LN = "ln of the factor"
 UNITS = dict(zip(CONSTANTS, (LN, LN, "rad", "rad", "kg", "1/Pa", LN), strict=True))
 """Unit of each constant in reports"""
@@ -83,13 +83,13 @@ class FlightFit:
     start: FlightStart | None
     """Start of a filter; None if the file's hull predicts held-back glides better"""
     left_over: float
-    """Squared residuals of held-back glides by the other glides' hull, over those by the file's"""
+    """Squared residuals of held-back glides with the other glides' hull, divided by the file's"""
     widened: float
     """Factor on the fit's standard deviations: root mean square of its residuals, at least 1. The
     residuals of steady flight do not average out with the number of glides"""
     glides: int
     log: bool
-    """Whether a Doppler log was used"""
+    """True if a Doppler log was used"""
     factors: Mapping[str, tuple[float, float]]
     """Estimate and standard deviation of every constant, in UNITS"""
 
@@ -141,8 +141,8 @@ def adapt_flight(flight: FlightFilter, dives: Sequence[Glides], *, log: bool) ->
     """Fit a hull that may have growth on it to its first dives.
 
     Each dive in turn is held back (of a single dive, each quarter), and predicted by the constants
-    of the other dives, with the Doppler log if `log`, and by the file's constants. A hull close to
-    its file is no third choice: depth rates do not separate it from a fouled hull.
+    of the other dives, with the Doppler log if `log`, and by the file's constants. There is no
+    third choice, a hull near its file: depth rates cannot tell it from a fouled hull.
 
     Raises:
       InputError: fewer steady glides than a fit needs, or no water lock in any.
@@ -229,9 +229,9 @@ def _residuals(
     if errors is None:
         return rows, found, np.zeros(len(rate), bool)
     scale, angle = unknowns[size : size + 2]
-    forward, said, fell = found[seen, 1], glides.log[seen], rate[seen]
-    down = said[:, 1] - (1.0 + scale) * fell - angle * forward
-    ahead = said[:, 0] - (1.0 + scale) * forward + angle * fell
+    forward, logged, fell = found[seen, 1], glides.log[seen], rate[seen]
+    down = logged[:, 1] - (1.0 + scale) * fell - angle * forward
+    ahead = logged[:, 0] - (1.0 + scale) * forward + angle * fell
     ahead = ahead - errors.shear(glides)[seen] @ unknowns[size + 2 :]
     return np.concatenate([rows, down / LOG_SD[0], ahead / LOG_SD[1]]), found, seen
 
@@ -269,7 +269,7 @@ def _fit(
 
     Args:
       prior: standard deviations of the constants from those of the file.
-      errors: of the log, which is then used; None for a fit without it.
+      errors: errors of the Doppler log to fit; None: fit without the log.
       begin: unknowns to start from; they change the number of steps, not the result.
     """
     size = len(CONSTANTS)

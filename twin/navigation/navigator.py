@@ -1,7 +1,7 @@
 """Navigator: on-board estimate of a vehicle's position and of the current.
 
-A velocity estimator gives the velocity through the water; if it gives no heave, the depth rate
-does. Measured roll, pitch and heading turn the velocity to north and east
+A velocity estimator gives the velocity through the water. If it gives no heave, heave follows from
+the depth rate. Measured roll, pitch and heading turn the velocity to north and east
 (`twin.navigation.dead_reckoning`). The gyros' compass deviation corrects the heading
 (`twin.navigation.compass_deviation`). The current filter (`twin.navigation.current`) adds the
 current, keeps the covariance, and uses GPS fixes and a Doppler log's bottom lock.
@@ -50,7 +50,7 @@ KEPT: Mapping[str, Callable[[Any], Any]] = {
     **dict.fromkeys(("bent", "astray", "iron"), np.array),
     "drifts": list,
 }
-"""Attributes that determine the next step, and their types"""
+"""Attributes in the state for `restore`, and their types"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
@@ -80,7 +80,7 @@ class NavigationState:
     heave: float
     """[m/s] downward in body axes"""
     depth_rate: float
-    """[m/s] change of depth since the sample before, over the period"""
+    """[m/s] change of depth since the previous sample, divided by the period"""
 
 
 class Navigator:
@@ -96,10 +96,10 @@ class Navigator:
         current: CurrentFilter | CurrentParameters | None = None,
         compass: float | None = None,
     ):
-        """Start before the first sample.
+        """Create the navigator.
 
         Args:
-          estimator: of the velocity through the water.
+          estimator: estimator of the velocity through the water.
           latitude: [degree] for the inertial period.
           period: [s] between samples; None: the estimator's. The estimator's period must be a whole
             multiple of it; in between, the last velocity holds.
@@ -111,8 +111,8 @@ class Navigator:
           compass: [degree] stated standard deviation of the compass; None for the usual one.
 
         Raises:
-          InputError: periods that do not fit, or `compass` together with a filter or parameters,
-            which have their own.
+          InputError: periods that are no multiples; or `compass` with a filter or parameters, which
+            have their own.
         """
         self.estimator = estimator
         self.period = estimator.period if period is None else period
@@ -170,7 +170,7 @@ class Navigator:
         self._moved = np.zeros(2)  # displacement through the water since the filter's last step
         self._waited = 0.0
         self._placed = self._start is not None
-        self._dived = False  # since the last fix: a vehicle afloat has an unknown drift
+        self._dived = False  # True if under water since the last fix; afloat, the drift is unknown
         self._bent = np.zeros((2, IRON))  # derivative of the velocity by the iron parameters
         self._astray = np.zeros((2, IRON))  # [m] derivative of `_swum` by the iron parameters
         self._iron = np.zeros(IRON)
@@ -269,7 +269,7 @@ class Navigator:
         return _level(np.array([surge, sway, heave]), roll, pitch, heading), heave, rate
 
     def _update(self, *, known: bool) -> None:
-        """Step the filter to this sample; `known`: whether the motion since then is known."""
+        """Step the filter to this sample; `known`: the motion since its last step is known."""
         if self._waited > 0.0:
             self._swum += self._moved
             through = self._moved / self._waited if known else None
@@ -313,7 +313,7 @@ class Navigator:
         return {"estimator": self.estimator, "filter": self.filter, "deviation": self.deviation}
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Arrays by name that determine the next step."""
+        """State as arrays by name, for `restore`."""
         parts = {
             f"{part}:{name}": value
             for part, one in self._parts.items()

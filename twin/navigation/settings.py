@@ -38,7 +38,7 @@ CTD = "measured_density"
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Navigation:
-    """Guidance by an on-board estimate: sensors with their errors, an estimator, the fixes."""
+    """Guidance by an on-board estimate: its sensors, velocity estimator and current filter."""
 
     estimator: str | VelocityEstimator = ESTIMATE
     """Velocity estimator: a name such as "ekf" or "network:runs/mine", an object, or
@@ -215,5 +215,5 @@ def estimate_adapted(
 
 
 def can_estimate(vehicle: Vehicle, channels: Iterable[str]) -> bool:
-    """Whether a vehicle glides and a store has all channels of the flight filter."""
+    """True if a vehicle glides and a store has all channels of the flight filter."""
     return FlightFilter.unsuited(vehicle) == "" and set(CHANNELS) <= set(channels)

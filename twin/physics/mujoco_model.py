@@ -51,9 +51,9 @@ ALL_BITS = 2**31 - 1
 BEFORE_FIRST_STEP = -1e5
 """[m] Height of the floor's plane until native code first places it."""
 HIDDEN_GROUP = 5
-GIVES_WAY = 0.2
-"""[s] Time constant of contact with the sea floor at every step: the least that the shipped step of
-0.1 s allows, like a bed of mud; our choice."""
+CONTACT_TIME = 0.2
+"""[s] Time constant of contacts with the sea floor, soft as mud, for every physics step: the least
+that the shipped step of 0.1 s allows; our choice."""
 _OFF = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 _FREE_JOINT_ROWS = np.array([0, 1, 3, 6, 10, 15])
 
@@ -102,8 +102,8 @@ def compile_model(
       reserve: least count of numbers that the model's tables must have room for.
       log: give `userdata` room for the log of a `Simulation`.
       centred: hydrodynamics at the time-centred velocity; RK4 has that without the option.
-      stiff: stiffness at the largest speed, which decides whether a centred step solves for rotary
-        damping; None: that of the fastest leg in `tables`, else of the usual glide.
+      stiff: stiffness of the motion; it decides whether a centred step is implicit in rotary
+        damping. None: stiffness on the fastest leg in `tables`, else in the usual glide.
 
     Raises:
       VehicleError: the file does not compile, its inertia is impossible, its joints or actuators
@@ -256,7 +256,7 @@ def may_collide(geom: mujoco.MjsGeom) -> bool:
 
 @functools.lru_cache(maxsize=64)
 def obstacle_names(xml: str) -> tuple[str, ...]:
-    """Names of the obstacles in a vehicle file; empty where a geom has no name."""
+    """Names of the obstacles in a vehicle file; an unnamed geom gives an empty string."""
     spec = mujoco.MjSpec.from_string(xml)
     return tuple(g.name for g in spec.geoms if may_collide(g) and _is_static(g.parent))
 
@@ -311,7 +311,7 @@ def prepare_contacts(spec: mujoco.MjSpec, vehicle: Vehicle, *, floor: bool) -> N
             type=mujoco.mjtGeom.mjGEOM_PLANE,
             size=[0, 0, 1],
             **touched,
-            solref=[GIVES_WAY, 1.0],
+            solref=[CONTACT_TIME, 1.0],
             priority=1,
         )
 
@@ -332,7 +332,7 @@ def _is_static(body: mujoco.MjsBody) -> bool:
 
 
 def _check_free_joint(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
-    """Require the free joint before compiling, where MuJoCo would blame a keyframe instead."""
+    """Require the free joint before compiling: MuJoCo's own error would name a keyframe."""
     joints = spec.body("hull").joints
     if not joints or joints[0].type != mujoco.mjtJoint.mjJNT_FREE:
         raise VehicleError(

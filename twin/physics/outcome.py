@@ -98,7 +98,7 @@ def _last_speed(trajectory: Trajectory) -> str:
 
 
 def _hydrography(scenario: Scenario, trajectory: Trajectory) -> dict[str, NDArray[Any]]:
-    """Temperature [degree_Celsius] and salinity [1] at the vehicle; empty where unknown.
+    """Temperature [degree_Celsius] and salinity [1] at the vehicle; empty if unknown.
 
     Source is the density profile, else the file of the current.
     """

@@ -177,7 +177,7 @@ def open_flight(path: Path) -> xr.Dataset:
 
 
 def flight_message(path: str | StorePath) -> str:
-    """Return the error message for a file of `twin flight` where a store is needed."""
+    """Return the error message for a file of `twin flight` in place of a store."""
     return (
         f"{path} is a flight, which `twin flight` wrote: `twin plot {quoted(path)}` draws it; "
         "this needs the store that it was made from"

@@ -4,7 +4,7 @@ One file holds any number of named tracks. The ending of the file's name selects
 
 - `.nc`, `.zarr`: an xarray dataset with variables `<name>_north` and `<name>_east` [m], dims
   (mission, time) or (time), and a coordinate `time` [s]. The mission is looked up in a coordinate
-  `mission` where there is one; else the mission is the row's number. Files of `twin flight` give
+  `mission` if there is one; else the mission is the row's number. Files of `twin flight` give
   their corrected track `north` and `east`.
 - `.npz`: arrays with the same names, (time,) or (mission, time), `time` and optionally `mission`.
 - `.csv`: a header with columns `time`, `north`, `east` and optionally `track` (the name) and

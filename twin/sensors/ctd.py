@@ -69,7 +69,7 @@ class Pressure(Sensor):
     full_scale: float = 1000.0
     """[dbar] Full scale; the Sea-Wing is rated to 1000 m"""
     offset: float = 0.0005
-    """[1] Standard deviation of the offset per mission, over the full scale"""
+    """[1] Standard deviation of the offset per mission, as a fraction of the full scale"""
     gain: float = 0.0005
     """[1] Standard deviation of the relative gain error per mission"""
     noise: float = 0.01

@@ -40,9 +40,9 @@ DEG_PER_HOUR = DEG / 3600.0
 STANDARD_GRAVITY = 9.80665
 """[m/s2] Gravity "g" of data sheets."""
 GAUSS_MARKOV_PEAK = 0.618
-"""Peak of a Gauss-Markov process's Allan deviation over its standard deviation."""
+"""[1] Peak of a Gauss-Markov process's Allan deviation, divided by its standard deviation."""
 GAUSS_MARKOV_PEAK_TIME = 1.89
-"""Averaging time of that peak over the correlation time."""
+"""[1] Averaging time of this peak, divided by the correlation time."""
 DRIFT_HORIZON = 3600.0
 """[s] Averaging time at which the default rate random walk equals the bias instability. Data
 sheets give no rate random walk; real MEMS curves rise again within about an hour."""

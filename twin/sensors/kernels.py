@@ -131,9 +131,9 @@ def thermal_kernel(  # type: ignore[no-untyped-def]
 ):
     """Temperatures of a CTD's thermistor and of the water in its conductivity cell.
 
-    thermistor: first-order lag [s] behind the water. cell: the water's temperature less the anomaly
-    that the cell's wall causes (recursion of Lueck and Picklo, 1990). All (n,) [deg C]. carried:
-    (3,) water, thermistor and anomaly at the sample before, NaN at the first one.
+    thermistor: first-order lag [s] behind the water. cell: the water's temperature minus the
+    anomaly by the cell's wall (recursion of Lueck and Picklo, 1990). All (n,) [deg C]. carried:
+    (3,) water, thermistor and anomaly at the previous sample, NaN at the first.
     """
     kept = math.exp(-dt / lag) if lag > 0.0 else 0.0
     a = 2.0 * amplitude * time_constant / dt / (1.0 + 2.0 * time_constant / dt)

@@ -184,7 +184,7 @@ def _ways(flight: xr.Dataset) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
 
 
 def _start(flight: xr.Dataset) -> float | None:
-    """Unix time [s] of the earliest sample; None where a mission's start is unknown."""
+    """Unix time [s] of the earliest sample; None if a mission's start is unknown."""
     starts = _unix(flight)
     return float(starts.min()) if starts.size and np.isfinite(starts).all() else None
 

@@ -228,18 +228,18 @@ NEGLIGIBLE = 1e-6
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Follower:
-    """A part that moves along with the part that guidance moves, its lead."""
+    """Part that moves along with another part, its lead, which guidance moves."""
 
     lead: str
     part: str
     weight: float
-    """Follower's displacement from its rest over the lead's displacement from the lead's rest."""
+    """[1] Displacement of the follower from its rest, divided by the lead's from its own rest."""
 
 
 def followers(
     parts: Sequence[Part], steering: Mapping[str, str], alone: Sequence[str] = ()
 ) -> tuple[Follower, ...]:
-    """Followers of each lead, found from the wrenches of the parts; () where there are none.
+    """Followers of each lead, found from the wrenches of the parts; () if there are none.
 
     Args:
       steering: name of the part that guidance moves for each control.
@@ -269,7 +269,7 @@ def followers(
 
 
 def _weights(control: str, team: Sequence[Part]) -> Array:
-    """Displacements of a team's parts over that of its first part, shape (parts,)."""
+    """Displacements of a team's parts divided by the first part's, shape (parts,)."""
     travel = np.array([part.high - part.low for part in team])
     matrix = np.array([part.effectiveness() for part in team]).T[list(SHARED[control])] * travel
     share = np.linalg.pinv(matrix, rcond=1e-9) @ np.eye(3)[0]

@@ -138,7 +138,7 @@ def _of_file(xml: str, path: Path) -> Consumption:
 
 
 def cost_of_transport(vehicle: Vehicle, energy: ArrayLike, distance: ArrayLike) -> Any:
-    """Energy [J] over weight times distance [m], dimensionless; infinite without progress.
+    """Energy [J] / (weight * distance [m]), dimensionless; infinite without progress.
 
     Takes numbers, or arrays of one shape.
     """

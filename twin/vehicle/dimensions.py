@@ -36,20 +36,20 @@ SEA = 1025.0
 """[kg/m3] Density of sea water."""
 FRONTAL_DRAG, CROSS_FLOW_DRAG = 0.2, 1.1
 HULL_LIFT, LIFT_PLACE = 0.003 * 180.0 / math.pi, -0.15
-"""[1/rad] Lift slope over slenderness; place of the lift ahead of the middle, over length."""
+"""[1/rad] Lift slope / slenderness; place of the lift ahead of the middle / length."""
 FIN_LIFT, FIN_AREA, FIN_PLACE = 3.12, 1.0 / 40.0, -0.46
-"""[1/rad] Lift slope; area over length times diameter; place ahead of the middle, over length."""
+"""[1/rad] Lift slope; area / (length * diameter); place ahead of the middle / length."""
 FIN_REACH = 0.75
-"""Distance from the axis to the middle of a fin over the diameter, for roll damping."""
+"""Distance from the axis to the middle of a fin / diameter, for roll damping."""
 SCREW, THRUST, FREE_ADVANCE = 0.7, 0.16, 0.5
-"""Screw over hull diameter; per turn: thrust coefficient at rest, advance ratio of zero thrust."""
+"""Screw / hull diameter; per turn: thrust coefficient at rest, advance ratio of zero thrust."""
 LOW = 0.05
-"""Depth of the centre of gravity below the axis, over the diameter."""
+"""Depth of the centre of gravity below the axis / diameter."""
 SLENDER = (3.0, 20.0)
-"""Range of length over diameter in which the slender-hull formulas hold."""
+"""Range of length / diameter in which the slender-hull formulas hold."""
 NEUTRAL = (0.5, 1.5)
-"""Allowed mass over the water mass in a cylinder of this length and diameter; a spheroid has 2/3,
-a little more than the lower end."""
+"""Limits of mass / mass of water in a cylinder of this length and diameter; a spheroid has 2/3, a
+little more than the lower limit."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -208,8 +208,8 @@ class Dimensions:
 
 
 def _lamb(slenderness: float) -> tuple[float, float, float]:
-    """Added-mass ratios of a prolate spheroid: along and across its axis over the displaced mass,
-    and turning over the displaced water's inertia (Lamb 1932, articles 114 and 115)."""
+    """Added-mass ratios of a prolate spheroid: added mass along and across its axis / displaced
+    mass, and added inertia / the displaced water's inertia (Lamb 1932, articles 114 and 115)."""
     square = 1.0 - 1.0 / slenderness**2
     e = math.sqrt(square)
     logarithm = math.log((1.0 + e) / (1.0 - e))

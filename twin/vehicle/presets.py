@@ -112,7 +112,7 @@ def split_preset(vehicle: str) -> tuple[str, str]:
 
 
 def preset_names(xml: str, path: Path) -> tuple[str, ...]:
-    """Names of a file's sets, its own first; () where the file lists none.
+    """Names of a file's sets, its own first; () if the file lists none.
 
     Raises:
       VehicleError: the file is not MJCF.

@@ -325,7 +325,7 @@ class DensityProfile:
         return self._compiled(self.values, spacing)
 
     def compile_temperature(self, *, spacing: float | None = None) -> Array:
-        """Compile in-situ temperature [degree_Celsius] as `compile`; empty where unknown."""
+        """Compile in-situ temperature [degree_Celsius] as `compile`; empty if unknown."""
         if self.temperature is None:
             return np.zeros(0)
         return self._compiled(self.temperature, spacing)

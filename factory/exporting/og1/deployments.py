@@ -59,7 +59,7 @@ PROFILER = (
 )
 """Signals that a Doppler log or profiler measured."""
 SENSOR_NAMES = {"SENSOR_AHRS": "attitude and heading sensor"}
-"""Names of sensors of logs, where they differ from those of simulated missions."""
+"""Names of sensors of logs, if they differ from those of simulated missions."""
 DVL_MODE = "measured_dvl_mode"
 ELSEWHERE = frozenset(
     {

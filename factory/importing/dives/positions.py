@@ -6,8 +6,8 @@ the GPS fixes is distributed linearly in time (`twin.logs.corrected_track`), so 
 every fix. With zero velocity the track is the straight line between fixes, and unknown outside
 them. `twin flight` is more accurate: it uses a model of the vehicle.
 
-The current is the displacement between two GPS fixes less that through the water, per time. Fixes
-and tracks of the log are in metres from the row's start.
+The current is the displacement between two fixes minus that through the water, divided by the time.
+Fixes and tracks of the log are in metres from the row's start.
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ class Importer:
     suffixes: frozenset[str]
     """File endings (lower case, with the dot) that a folder is searched for."""
     marks: frozenset[str]
-    """Names of columns or variables that only such files have; empty only where a mapping gives
+    """Names of columns or variables that only such files have; empty only if a mapping gives
     their meaning."""
     period: float
     """[s] Default sampling interval of the store: about half the usual spacing of the logs."""

@@ -146,7 +146,7 @@ ACTUATORS = {
     # the mass turns to starboard for positive angles, ours to port
     "AngPos": ("measured_rotation", "degree", "degree", -1.0),
 }
-"""Channel of the store, its unit, the sensor's own unit where a file declares none, and the sign,
+"""Channel of the store, its unit, the sensor's own unit if a file declares none, and the sign,
 by the vehicle's sensor."""
 
 RECKONS = "DeadReckoning"

@@ -1,10 +1,10 @@
 """Spray reader: binned profiles of several missions, in bins of depth.
 
-A file keeps the middle of each dive in place and time (`lat_uv`, `lon_uv`, `time_uv`), and that of
-its profile, taken on the climb (`lat`, `lon`, `time`). By the files' own comments, the latter is
-three quarters of the path between the fixes. So the fixes lie twice their difference before and
-after the middle of the dive. Bins have no times: the glider is assumed to sink and rise evenly, and
-to turn in the middle of the dive.
+A file has place and time of the middle of each dive (`lat_uv`, `lon_uv`, `time_uv`), and of the
+middle of its profile, measured on the climb (`lat`, `lon`, `time`). By the files' own comments, the
+profile's middle is at three quarters of the path between the fixes. So the fixes are twice the
+difference of the middles before and after the dive's middle. Bins have no times: the glider is
+assumed to sink and rise evenly, and to turn in the middle of the dive.
 
 OG1.0 files of the Spray data center have one row for each sample of the climb. They repeat the
 times of dive and profile in these rows.

@@ -65,8 +65,8 @@ class GliderAccessor:
     def currents(self, vehicle: str | None = None) -> xr.Dataset:
         """Depth-averaged current of each dive from fix to fix [m s-1], (dac,).
 
-        The standard deviation is that of each component. Time and position are those of the middle
-        between the fixes.
+        The standard deviation is that of each component. The time is midway between the fixes; the
+        position is the middle sample of the corrected track.
         """
         found = self.log(vehicle).currents
         own = [one.current for one in found]

@@ -38,7 +38,7 @@ POSITIONS = ("LATITUDE", "LONGITUDE", "POSITION_SD")
 """Variables of the corrected track"""
 CURRENTS = ("DAC_NORTH_MODEL", "DAC_EAST_MODEL", "DAC_SD_MODEL")
 """Variables that are constant from fix to fix; all others are interpolated between samples"""
-W = "VERT_CURR_MODEL"
+WATER_VELOCITY = "VERT_CURR_MODEL"
 """Name of the vertical velocity of the water"""
 _OF_THEIR_FILE = ("ancillary_variables", "coordinates")
 """Attributes that name other variables of an OG1.0 file"""
@@ -104,7 +104,7 @@ class ModelledLog:
                     made = np.where(np.abs(made) > 180.0, made - np.sign(made) * 360.0, made)
             about = {k: v for k, v in one.attributes.items() if k not in _OF_THEIR_FILE}
             about["source"] = f"glider-twin {__version__}, {self.model}"
-            if name == W and self.doubt:
+            if name == WATER_VELOCITY and self.doubt:
                 about["comment"] = self.doubt
             found[name] = dataclasses.replace(
                 one, values=np.where(inside, made, np.nan), attributes=about
@@ -154,7 +154,7 @@ def _modelled(
     logs: LogStore, name: str, missions: Sequence[int], found: FlownTracks
 ) -> ModelledLog:
     time = np.concatenate([logs.time(mission) for mission in missions])
-    # without a surface interval, one fix ends a dive and starts the next: the latter sample counts
+    # if one fix ends a dive and starts the next, keep the next dive's sample
     order = len(time) - 1 - np.unique(time[::-1], return_index=True)[1]
     joined = JoinedDives(logs, tuple(missions), order)
     variables = {n: v for n, v in corrected_places(joined, found) if n in POSITIONS}

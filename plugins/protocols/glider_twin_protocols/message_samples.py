@@ -142,7 +142,7 @@ class Dataflash:
     def define(
         self, name: str, letters: str, columns: str, number: int = 0, size: int = 0
     ) -> None:  # fmt: skip
-        """Add a format message; number 0 is the next one, size 0 [byte] that of its fields."""
+        """Add a format message; 0 takes the next free `number`, and the fields' `size` [byte]."""
         number = number or 0x81 + len(self._formats)
         layout = "<" + "".join(FIELDS[letter] for letter in letters)
         self._formats[name] = (number, layout)

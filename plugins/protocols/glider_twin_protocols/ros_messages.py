@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 GROUPS = {"truth": "true", "measured": "measured", "commanded": "commanded"}
 """First word of a signal by the first word of its topic in exported recordings"""
 SI = {"degree": "rad", "cm3": "m3", "dbar": "Pa"}
-"""Unit of a std_msgs number, where it differs from the store's"""
+"""Unit of a std_msgs number, if it differs from the store's"""
 GAUGE = "fluid_pressure.gauge"
 """Field computed here: a FluidPressure minus the air's pressure, as in stores"""
 ANGLES = {"roll": 0, "pitch": 1, "yaw": 2}

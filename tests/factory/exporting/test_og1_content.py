@@ -1,5 +1,7 @@
 """What an OG1.0 file of a log holds: metadata, flight terms, raw times, flags; what comes back."""
 
+from types import SimpleNamespace
+
 import gsw
 import netCDF4
 import numpy as np
@@ -13,7 +15,13 @@ from factory.__main__ import PROGRAM
 from factory.exporting import EXPORTERS, ExportOptions
 from factory.exporting.metadata import read_metadata
 from factory.exporting.og1.deployments import export_og1_logs
-from factory.exporting.og1.flight_terms import ON_BOARD, STRAIGHT, flown
+from factory.exporting.og1.flight_terms import (
+    ON_BOARD,
+    STRAIGHT,
+    JoinedDives,
+    flight_terms,
+    flown,
+)
 from factory.generation.generated_store import open_exportable
 from factory.samples import Flight
 from factory.samples.gliders import write_seaglider
@@ -169,6 +177,37 @@ def test_vertical_velocity_is_up_in_climbs_and_down_in_dives(og1):
         assert way.sum() > 50
         # the water of the log is still: the model rises as the depth falls
         np.testing.assert_allclose(np.median(up[way]), np.median(rises[way]), rtol=0.3)
+
+
+def test_each_flight_term_has_the_sign_and_unit_that_its_name_says():
+    """A dive that slips to starboard and is set by a current; its first sample hardly moves."""
+    speed = np.array([0.01, 0.41, 0.41])
+    motion = SimpleNamespace(
+        speed=speed, surge=np.full(3, 0.4), sway=np.full(3, 0.03),
+        angle_of_attack=np.full(3, np.pi / 60.0),
+    )  # fmt: skip
+    dive = SimpleNamespace(
+        motion=motion, velocity=np.array([[0.3, -0.4]] * 3), sink_rate=np.full(3, 0.15),
+        water_up=np.full(3, 0.02),
+    )  # fmt: skip
+    current = SimpleNamespace(first=1, last=1, north=0.1, east=-0.05, deviation=0.01)
+    tracks = SimpleNamespace(tracks={0: SimpleNamespace(dive=dive, currents=(current,))})
+    joined = JoinedDives(SimpleNamespace(samples=[3]), (0,), np.arange(3))
+    found = {name: one.values for name, one in flight_terms(joined, tracks)}
+    steady = {
+        "GLIDER_SPEED_MODEL": 0.41, "GLIDER_HORZ_VELO_MODEL": 0.5, "GLIDER_SURGE_MODEL": 0.4,
+        "GLIDER_VERT_VELO_MODEL": -0.15,  # up
+        "GLIDER_SWAY_MODEL": 0.03,  # to starboard
+        "ANGLE_OF_ATTACK_MODEL": 3.0,  # degree
+        "VERT_CURR_MODEL": 0.02, "DAC_NORTH_MODEL": 0.1, "DAC_EAST_MODEL": -0.05,
+        "DAC_SD_MODEL": 0.01,
+    }  # fmt: skip
+    assert {name: values[1] for name, values in found.items()} == pytest.approx(steady)
+    unknown = {name for name, values in found.items() if np.isnan(values[0])}
+    assert unknown == {
+        "ANGLE_OF_ATTACK_MODEL",
+        *(f"DAC_{n}_MODEL" for n in ("NORTH", "EAST", "SD")),
+    }
 
 
 def test_conductivity_is_what_salinity_was_made_of(og1):

@@ -2,6 +2,7 @@
 the workers of a killed run leave behind. `test_histories` kills runs at any moment."""
 
 import contextlib
+import json
 import os
 import pickle
 import resource
@@ -23,6 +24,7 @@ from trees import contents
 
 import factory.generation.generation
 import factory.generation.shard
+from factory.__main__ import PROGRAM
 from factory.generation.generated_store import GeneratedStore
 from factory.generation.generation import generate
 from factory.generation.job import MOST_IN_SHARD, Job, locked, unfinished
@@ -291,11 +293,14 @@ def test_a_job_travels_without_what_its_process_has_opened(tmp_path, recipe):
     assert copy.recipe is job.recipe  # of a process that has it
 
 
-def test_a_resumed_run_counts_only_what_it_flew_itself(tmp_path, recipe, monkeypatch):
+def test_a_resumed_run_counts_only_what_it_flew_itself(tmp_path, recipe, monkeypatch, capsys):
     made, store = recipe(), tmp_path / "missions.zarr"
     _stop_before_completion(monkeypatch, made, store)
     with pytest.raises(StoreError, match="is incomplete: --resume completes it"):
         generate(made, store, workers=1)
+    assert PROGRAM.main(["info", str(store), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["complete"], told["missions_kept"]) == (False, len(made.plan))
     markers = sorted((Job(made, store).folder / "done").iterdir())
     assert len(markers) == len(made.plan) > len(FLOWN_AGAIN)
     for mission in FLOWN_AGAIN:

@@ -112,6 +112,19 @@ def test_every_column_is_read_left_out_or_named(folder):
     assert report.count("read", "lat") == rows - under
 
 
+@pytest.mark.parametrize(
+    ("unit", "seconds"), [("us", 1e-6), ("min", 60.0), ("h", 3600.0), ("days", 86400.0)]
+)
+def test_a_clock_of_another_unit_tells_the_same_times(folder, unit, seconds):
+    columns = table_columns(FLIGHT)
+    stamp = 1e-3 * columns["stamp"] / seconds  # the page's are milliseconds
+    write_csv(folder / "log.csv", {**columns, "stamp": stamp})
+    dataset, _ = bring(folder, mine(time={**mine()["time"], "unit": unit}))
+    assert dataset["dive_duration"].values == pytest.approx(2.0 * FLIGHT.leg, abs=10.0)
+    began = [FLIGHT.dive_times(dive)[0] for dive in range(FLIGHT.dives)]
+    assert dataset["start_time"].values.astype(float) == pytest.approx(began, abs=10.0)
+
+
 def test_a_mapped_column_without_a_value_is_missing(folder):
     nothing = np.full(len(FLIGHT.time), np.nan)
     write_csv(folder / "log.csv", {**table_columns(FLIGHT), "r": nothing})
@@ -444,7 +457,7 @@ def test_distances_in_the_place_of_velocities_are_refused(tmp_path):
     run = np.cumsum(np.full(len(columns["time"]), 0.15))
     refused(r"'vf' .* no two alike: a distance, not a velocity", tmp_path, vf=run, by=sailfish)
     refused(
-        r"has 0\.15 m/s where the track.*metres per sample",
+        r"^20220712_0_1\.csv: .* has 0\.15 m/s where the track.*metres per sample",
         tmp_path,
         vf=np.full(len(run), 0.15),
         by=sailfish,

@@ -8,9 +8,10 @@ import pytest
 from navigation import PERIOD, add_fixes, steady_mission, trimmed_mission, write_store
 
 from learn.data.dataset import MissionSequence, load_missions
+from learn.data.labels import LabelConfig
 from learn.evaluation.deviation import Coverage, ErrorModel, fit_error_model, surge_interval
 from learn.evaluation.evaluation import evaluate
-from learn.evaluation.judged_tracks import TrackCollector
+from learn.evaluation.judged_tracks import TrackCollector, compare
 from learn.evaluation.score import ReferenceVelocity, score_mission, summarise_scores, visible
 from learn.networks.predictor import Adapted
 from twin.cli.console import to_json
@@ -119,6 +120,29 @@ def test_a_scaled_surge_gives_the_error_that_the_kinematics_say(missions, tmp_pa
     expected = 100 * 0.02 * surge / np.cos(pitch) / speed
     assert found["dr_water_percent_mean"] == pytest.approx(expected, rel=1e-3)
     assert found["dr_water_max_percent_mean"] == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["surge", "sway"])
+@pytest.mark.parametrize(("interval", "within"), [(0.012, 1.0), (0.008, 0.0)])
+def test_a_constant_error_is_as_large_whatever_the_velocity(name, interval, within):
+    """0.01 m/s beside a velocity that is not 0, in both; the Doppler log tells the truth."""
+    signals = steady_mission(400, velocity=(0.4, -0.1, 0.0), pitch=0.0)
+    signals["measured_dvl_mode"] = np.full(400, 2.0)  # lock on the water
+    for axis in ("surge", "sway", "heave"):
+        signals[f"measured_dvl_{axis}"] = signals[f"true_{axis}"]
+    reference = ReferenceVelocity.of(mission_of(signals))
+    truth = {"surge": reference.surge, "sway": reference.sway}
+    estimate = Estimate(**{**truth, name: truth[name] + 0.01})
+    figures = summarise_scores([score_mission(reference, estimate)])
+    assert figures[f"{name}_mse"] == pytest.approx(1e-4)
+    coverage = Coverage(ErrorModel(surge_interval=interval, sway_interval=interval))
+    coverage.add(reference, {"network": estimate})
+    assert coverage.figures()[f"{name}_within"] == within
+    assert coverage.figures()["surge_within" if name == "sway" else "sway_within"] == 1.0
+    log = Estimate(ground_track=reference.ground_track)
+    compared = compare(reference, estimate, log, LabelConfig(source="dvl"))
+    assert compared.squared[name] == pytest.approx(1e-4 * compared.samples)
+    assert compared.samples > 300
 
 
 def test_over_ground_the_current_is_missed(store, missions):

@@ -78,6 +78,14 @@ def test_the_error_never_rises_and_falls_at_every_success():
     assert accepted > 30
 
 
+def test_where_a_parabola_foretells_the_error_the_scale_falls_to_a_quarter():
+    """Step 7 of Moller (1993), at every step on a parabola."""
+    objective, _ = quadratic(8)
+    start = torch.zeros(8, dtype=torch.float64)
+    found = minimise(objective, start, lambda_start=1e-6, max_iterations=3)
+    assert found.scale == pytest.approx(1e-6 / 4.0**3, rel=1e-12)
+
+
 def test_negative_curvature_is_left():
     def saddle(w):  # a maximum along the first axis at the start, minima at (+-1, 0)
         x, y = float(w[0]), float(w[1])

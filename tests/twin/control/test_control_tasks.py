@@ -178,6 +178,19 @@ def test_energy_rewards_a_long_way_for_little():
     assert reward(-500.0, 1000.0) == 0.0
 
 
+@pytest.mark.parametrize(("course", "north", "east"), [(0.0, 1.0, 0.0), (90.0, 0.0, 1.0)])
+def test_progress_is_along_the_course_to_the_north_and_to_the_east(course, north, east):
+    environment = started("energy")
+    task, physics = environment.task, environment.physics
+    task.course = math.radians(course)
+    for metres in (700.0, -700.0):
+        place(environment, north=metres * north, east=metres * east, depth=50.0)
+        assert task.distance(physics) == pytest.approx(metres)
+    # it heads 30 degrees to port of the course: the course is to starboard
+    place(environment, depth=50.0, heading=math.radians(course - 30.0))
+    assert task.heading_error(physics) == pytest.approx(math.radians(30.0))
+
+
 MOVE = st.tuples(st.floats(-0.05, 0.05), st.floats(-1.5, 1.5), st.floats(-480.0, 480.0))
 
 

@@ -76,6 +76,64 @@ def test_a_lost_wing_rolls_it_to_its_side_in_dives_and_away_in_climbs(sound, sid
         assert sign * (climb + dive) > 1.0
 
 
+def of(condition, axis, field):
+    return getattr(condition.vehicle.steered(axis), field)
+
+
+@pytest.mark.parametrize(
+    ("name", "fault", "read", "change"),
+    [
+        # an encoder that has slipped reads 0 where the part is ahead by the size
+        ("tethys", FAULTS["turn_slips"](degrees=10.0), lambda c: c.zeros.get("rudder", 0.0),
+         lambda was: was + math.pi / 18.0),
+        ("glider", FAULTS["pitch_slips"](travel=0.1), lambda c: c.zeros.get("shift", 0.0),
+         lambda was: was + 0.1 * 0.1),  # m of a travel from -0.05 to 0.05
+        # a worn pump is slower and takes more for as much
+        ("glider", FAULTS["pump_weak"](loss=0.25), lambda c: of(c, "buoyancy", "rate"),
+         lambda was: 0.75 * was),
+        ("glider", FAULTS["pump_weak"](loss=0.25), lambda c: 1.0 / c.consumption.pump_efficiency,
+         lambda was: was / 0.75),
+        ("slocum-1000", FAULTS["pump_weak"](loss=0.25), lambda c: c.consumption.pump_loss,
+         lambda was: was / 0.75),
+        # air of 40 of 1000 cm3 needs no work at depth
+        ("rogue", FAULTS["pump_air"](volume=40.0), lambda c: 1.0 / c.consumption.pump_efficiency,
+         lambda was: 0.96 * was),
+        ("glider", FAULTS["pack_lost"](part=0.25), lambda c: c.packs, lambda was: 0.75 * was),
+        ("glider", FAULTS["hotel_raised"](watts=0.4), lambda c: c.consumption.hotel_power,
+         lambda was: was + 0.4),
+        ("tethys", FAULTS["blade_lost"](part=0.5), lambda c: of(c, "speed", "thrust_coefficient"),
+         lambda was: 0.5 * was),
+        ("glider", FAULTS["turn_stuck"](), lambda c: 1.0 + of(c, "heading", "rate"),
+         lambda was: 1.0),
+        # what grows is heavy, and a wing that is gone weighs and drags nothing
+        ("glider", FAULTS["fouling"](per_day=1.0, start=0.5 * KNOT - DAY), lambda c: c.vehicle.mass,
+         lambda was: 1.0004 * was),
+        ("glider", FAULTS["wing_lost"](side="both"), lambda c: c.vehicle.mass,
+         lambda was: (1.0 - 2.0 * 0.0008) * was),
+        ("glider", FAULTS["wing_lost"](side="both"), lambda c: c.vehicle.flow_frame.drag[0],
+         lambda was: 0.8 * was),
+    ],
+    ids=lambda value: value.kind if isinstance(value, twin.faults.Fault) else None,
+)  # fmt: skip
+def test_a_fault_changes_its_number_by_its_size(name, fault, read, change):
+    sound = healthy(dataclasses.replace(scenario("glider"), vehicle=twin.load_vehicle(name)))
+    was, now = read(sound), read(condition_at([fault], sound, 0.0))
+    assert now == pytest.approx(change(was), rel=1e-6)
+    assert now != was
+
+
+@pytest.mark.parametrize(
+    ("way", "toward", "apparent"),
+    [((0.3, 0.0), -90.0, (0.0, -0.3)), ((0.0, 0.3), 0.0, (0.3, 0.0))],
+    ids=["north", "east"],
+)
+def test_a_compass_that_reads_a_degree_more_seems_to_be_set_to_port(way, toward, apparent):
+    """It is reckoned to go to starboard of its true way; the fix is on the true one."""
+    found = FAULTS["compass_iron"](toward=toward).expected(np.array([way]))
+    current = [found[f"current_{axis}"][0] for axis in ("north", "east")]
+    np.testing.assert_allclose(current, np.radians(1.0) * np.array(apparent), atol=1e-9)
+
+
 @pytest.mark.parametrize("heading", [20.0, 110.0, 200.0, 290.0])
 def test_guidance_reads_the_compass_that_the_log_shows(heading):
     """Iron errs by a sine of the true heading, for guidance in radians, in the log in degrees."""

@@ -1,5 +1,6 @@
 """Corrected tracks: they meet their fixes, follow a tide within dives, and know how well."""
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -271,11 +272,11 @@ def test_without_fixes_the_track_starts_at_the_origin_and_grows_unsure():
     assert deviation[-1] > 0.03 * 1000.0
 
 
-def dive(velocity: np.ndarray, current: tuple[float, float], start: float, mission: int):
+def dive(velocity, current: tuple[float, float], start: float, mission: int, **known):
     samples = len(velocity)
     swum = 0.5 * STEP * (velocity[1:] + velocity[:-1]).sum(axis=0)
     end = swum + STEP * (samples - 1) * np.array(current)
-    given = fixes([0, samples - 1], [(0.0, 0.0), tuple(end)])
+    given = dataclasses.replace(fixes([0, samples - 1], [(0.0, 0.0), tuple(end)]), **known)
     depth = 40.0 * np.sin(np.linspace(0.0, np.pi, samples))
     return currents(mission, velocity, depth, STEP, given, start)
 
@@ -284,8 +285,11 @@ def test_the_current_of_a_dive_and_its_deviation():
     (found,) = dive(through_water(), (0.08, -0.05), 0.0, 3)
     assert (found.north, found.east) == pytest.approx((0.08, -0.05), abs=1e-9)
     assert (found.mission, found.duration) == (3, 1200.0)
-    # no better than its fixes, no worse than speed and heading allow
-    assert np.sqrt(2.0) * 5.0 / 1200.0 < found.deviation < 0.03
+    assert found.deviation < 0.03
+    (exact,) = dive(through_water(), (0.08, -0.05), 0.0, 3, deviation=1e-9)
+    by_fixes = found.deviation**2 - exact.deviation**2
+    assert by_fixes == pytest.approx(2.0 * (5.0 / 1200.0) ** 2)  # two fixes, each off by 5 m
+    assert exact.deviation > 0.01  # speed and heading
     flat = fixes([0, 600], [(0.0, 0.0), (50.0, 0.0)])
     assert currents(0, through_water(), np.zeros(601), STEP, flat, 0.0) == []
 

@@ -28,6 +28,24 @@ def fly(vehicle, *segments, depth=10.0, duration=None, floor=None, speed=0.0, **
     return twin.simulate(vehicle=vehicle, mission=plan, duration=duration, floor=floor, start=start)
 
 
+def test_to_a_near_target_it_is_one_yo_and_one_stay():
+    """The yo at the sinking and rising speeds that the vehicle holds at these pitches."""
+    glider = load_vehicle("glider")
+    target = {"north_m": 0.0, "east_m": 0.0}
+    usual = {"pitch_deg": 25.0, "net_mass_kg": 0.3, "climb_net_mass_kg": 0.2}
+    segment = Waypoint(targets=(target, target), max_depth_m=90.0, stay_s=200.0, **usual)
+    run = twin.simulate(
+        vehicle=glider, duration=1200.0,
+        mission=Mission(segments=(SawTooth(max_depth_m=90.0, yos=1, **usual),), at_end="hold"),
+    )  # fmt: skip
+    depth, sinking = run["true_depth"], run["true_velocity_down"]
+    legs = (depth > 30.0) & (depth < 75.0)
+    down, up = (np.median(np.abs(sinking[legs & (s * sinking > 0.05)])) for s in (1.0, -1.0))
+    time, deepest = segment.expected(glider, 0.0, "way")
+    assert deepest == 90.0
+    assert time - 200.0 == pytest.approx(90.0 / down + 90.0 / up, rel=0.02)
+
+
 @pytest.mark.parametrize("name", PROPELLED)
 def test_a_transect_holds_depth_heading_and_speed(name):
     vehicle = load_vehicle(name)

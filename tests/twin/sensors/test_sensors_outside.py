@@ -10,6 +10,7 @@ import twin
 from twin.errors import InputError
 from twin.records.schema import variable
 from twin.sensors import Altimeter, Ctd, Gps, SensorSuite, Surroundings
+from twin.sensors.kernels import thermal_kernel
 from twin.water.density import DensityProfile
 from twin.water.floor import FlatFloor, GridFloor
 
@@ -29,6 +30,19 @@ def dive(n=4000, rate=0.1, profile=CAST):
         "true_salinity": salinity,
         "measured_pressure": profile.pressure(depth, latitude=36.8),
     }
+
+
+@pytest.mark.parametrize(("lag", "shown"), [(0.0, 12.0), (0.5, 12.0 - 2.0 / np.e)])
+def test_the_bead_follows_within_its_lag_and_the_wall_of_the_cell_warms_slowly(lag, shown):
+    """A step of 2 K: the wall, still cold, cools the water in the cell by 0.1 of the step, which
+    dies out in 10 s."""
+    water = np.where(np.arange(60) < 2, 10.0, 12.0)
+    bead, cell, start = np.empty(60), np.empty(60), np.full(3, np.nan)
+    thermal_kernel(water, DT, lag, 0.1, 10.0, start, bead, cell)
+    assert bead[:3] == pytest.approx([10.0, 10.0, shown])
+    assert cell[2] == pytest.approx(12.0 - 0.2, abs=0.01)
+    assert cell[22] == pytest.approx(12.0 - 0.2 / np.e, abs=0.01)
+    assert (np.diff(cell[2:]) > 0.0).all()
 
 
 def measure(ctd, truth, *, drawn=STILL, profile=CAST):

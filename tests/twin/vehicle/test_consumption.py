@@ -12,6 +12,7 @@ from twin.errors import UnknownName, VehicleError
 from twin.records.mission_dataset import summarise
 from twin.records.reader import MissionStore
 from twin.vehicle.consumption import Consumption
+from twin.vehicle.parts import Move
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 
 
@@ -30,6 +31,38 @@ def test_the_pump_takes_its_work_against_the_sea(dive):
     assert dive["true_energy_pump"][-1] == pytest.approx(work / losses.pump_efficiency, rel=1e-9)
     still = np.flatnonzero(np.diff(volume) < 0.0)
     assert np.diff(dive["true_energy_pump"])[still] == pytest.approx(0.0)
+
+
+LOSSLESS = Consumption(
+    hotel_power=0.0, pump_efficiency=1.0, hull_vacuum=0.0, screw_efficiency=1.0,
+    rail_friction=0.0, bearing_torque=0.0,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("part", "before", "after", "pitch", "raised"),
+    [
+        ("shift", 0.0, 0.01, 90.0, 0.01),  # forward is up where the nose is up
+        ("shift", 0.01, 0.0, 90.0, 0.0),
+        ("shift", 0.01, 0.0, -90.0, 0.01),
+        ("shift", 0.0, 0.01, -90.0, 0.0),
+        ("shift", 0.0, 0.01, 30.0, 0.005),
+        ("shift", 0.0, 0.01, 0.0, 0.0),
+        # [rad] from below the axis to beside it, in parts of the eccentricity
+        ("rotation", 0.0, 0.5 * np.pi, 0.0, 1.0),
+        ("rotation", 0.0, -0.5 * np.pi, 0.0, 1.0),
+        ("rotation", 0.5 * np.pi, 0.0, 0.0, 0.0),
+        ("rotation", 0.0, 0.5 * np.pi, 60.0, 0.5),
+        ("rotation", 0.0, 0.5 * np.pi, 90.0, 0.0),  # the axis is upright
+    ],
+)
+def test_a_battery_takes_the_work_of_raising_it(part, before, after, pitch, raised):
+    vehicle = load_vehicle("glider")
+    metres = raised * (vehicle.battery.eccentricity if part == "rotation" else 1.0)
+    move = Move(before, after, depth=50.0, pitch=np.radians(pitch), duration=1.0)
+    taken = vehicle.part(part).energy(vehicle, move, LOSSLESS)
+    weight = vehicle.battery.mass * vehicle.gravity
+    assert taken == pytest.approx(weight * metres, rel=1e-9, abs=1e-9)
 
 
 def test_energy_rises_with_time_and_its_parts_add_up(dive):

@@ -194,6 +194,20 @@ def test_published_vehicles_are_near(name):
     assert -munk < ours["Muw"] < 0.0
 
 
+def test_derivatives_grow_with_the_size_of_a_similar_vehicle():
+    """Of twice the length in all: forces by area, moments by volume; rates bring a length each."""
+    size = {"length": 1.33, "diameter": 0.19, "mass": 30.5}
+    small = Dimensions(**size).derivatives()
+    large = Dimensions(length=2.66, diameter=0.38, mass=8.0 * 30.5).derivatives()
+    for name, value in small.items():
+        lengths = 2 + (name[0] in "KMN") + sum(motion in "pqr" for motion in name[1:])
+        assert large[name] / value == pytest.approx(2.0**lengths), name
+    # Hoerner's lift of a body, 0.003 a degree of its length times diameter, and that of the fins
+    body = 0.5 * 1025.0 * 0.003 * math.degrees(1.0) * 1.33 * 0.19
+    fins = 0.5 * 1025.0 * 3.12 * 1.33 * 0.19 / 40.0
+    assert small["Yuv"] == small["Zuw"] == pytest.approx(-(body + fins))
+
+
 def test_it_flies_straight_and_turns_to_port():
     _, made = of("remus", screw=0.14)
 

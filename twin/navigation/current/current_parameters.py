@@ -46,8 +46,8 @@ CONSTITUENTS = {
 STRONGEST = {"semidiurnal": "M2", "diurnal": "K1"}
 """Strongest constituent of each species; the others' amplitudes are relative to it."""
 RAYLEIGH = 0.5
-"""[1] Least difference of two constituents in cycles over a record. Harmonic analysis needs 1; a
-filter with priors resolves with half of that (Pugh and Woodworth 2014, chapter 4)."""
+"""[1] Least difference of two constituents, in cycles per record, to separate them. Harmonic
+analysis needs 1, a filter with priors half of that (Pugh and Woodworth 2014, chapter 4)."""
 
 
 def chosen_constituents(duration: float, interval: float) -> tuple[str, ...]:
@@ -95,9 +95,9 @@ class CurrentParameters:
     eddy_time: float = 8.0
     """[h] Correlation time of that component"""
     semidiurnal: float = 0.0424
-    """[m/s] Standard deviation of each rotary component of M2; the others in proportion"""
+    """[m/s] Standard deviation of each rotary component of M2; other constituents scale with it"""
     diurnal: float = 0.0265
-    """[m/s] Standard deviation of each rotary component of K1"""
+    """[m/s] Standard deviation of each rotary component of K1; other constituents scale with it"""
     tide_time: float = 20.0
     """[d] Correlation time of a constituent's phase and amplitude"""
     inertial: float = 0.0225
@@ -105,8 +105,8 @@ class CurrentParameters:
     inertial_time: float = 3.0
     """[d] Decay time of the inertial oscillation"""
     dive: float = 0.012
-    """[m/s] Standard deviation of a single dive's own error, independent of the next dive's:
-    shear, the speed's error"""
+    """[m/s] Standard deviation of an error that is independent from dive to dive: shear, error of
+    the speed"""
     speed_scale: float = 0.06
     """[1] Standard deviation of the relative error of the speed through the water"""
     compass: float = 3.4
@@ -144,7 +144,7 @@ class CurrentParameters:
 
     @property
     def persists(self) -> bool:
-        """Whether the forecast is the last dive's current."""
+        """True if the forecast is the last dive's current."""
         return self.eddy == 0.0 and self.inertial == 0.0 and not self.constituents
 
 
@@ -165,7 +165,7 @@ class Unknown(NamedTuple):
     spread: float
     """[1] Standard deviation of the natural logarithm"""
     of_scale: bool = False
-    """Whether the value is relative to the deployment's scale of currents."""
+    """True if the value is relative to the deployment's scale of currents."""
 
 
 SCALE = "scale"

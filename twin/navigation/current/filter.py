@@ -60,7 +60,7 @@ FIX_DEVIATION = 5.0
 OUTLIER = 9.0
 """[1] Squared distance of an innovation (mean 2) above which it is an outlier: 1.1 % are above"""
 KEPT = 0.9
-"""[1] Fraction of the degrees of freedom above the prior's that a fix keeps (25 degrees at most)"""
+"""[1] Fraction of the degrees of freedom above the prior's that a fix keeps; they stay below 25"""
 LEAST_LEG = 600.0
 """[s] Shortest time between fixes that updates `inflation`: below, the fixes' noise dominates"""
 
@@ -77,13 +77,13 @@ class CurrentFilter:
     All methods raise InputError for numbers that are not finite or of another shape.
 
     Args:
-      parameters: of the current, such as those of `tune`.
+      parameters: parameters of the current, such as those of `tune`.
       latitude: [degree] of the deployment.
       time: [s] start, on any clock.
       memory: [s] correlation time of the velocity's errors. If it exceeds a step, the errors
         of successive steps add up linearly instead of as squares.
-      record: whether to keep the steps for `smooth`, some 20 kB each.
-      outlier: [1] squared distance above which a fix shows a new eddy since the fix before. Use
+      record: keep the steps for `smooth`, some 20 kB each.
+      outlier: [1] squared distance above which a fix shows a new eddy since the last fix. Use
         infinity for smoothing: the eddy would appear only at the dive's end.
     """
 
@@ -132,7 +132,7 @@ class CurrentFilter:
           dt: [s]
           velocity: north, east through the water [m/s], mean over dt; None if the motion is
             unknown, as at the surface, so that only the next fix gives the position.
-          covariance: [m2/s2], (2, 2), of its error; None for scale and compass errors alone.
+          covariance: [m2/s2], (2, 2), of the velocity's error; None: scale and compass errors.
           field: north, east [m/s] current of a forecast field, mean over dt; the filter's
             current is then the difference between the true current and the field.
         """
@@ -232,8 +232,8 @@ class CurrentFilter:
         Args:
           current: north, east [m/s], (2,).
           covariance: [m2/s2], (2, 2), of its error.
-          dive: whether the current includes the error of the current dive (true for a profiler's,
-            false for a forecast field's).
+          dive: True if the current includes the error of the current dive, as a profiler's does and
+            a forecast field's does not.
         """
         observed = self._of_current(dive=dive)
         value = pair(current, "current")
@@ -324,7 +324,7 @@ class CurrentFilter:
 
         Args:
           times: [s] on the filter's clock, not before the filter's time, (time,).
-          velocity: north, east through the water [m/s] meanwhile, (2,); the displacement then
+          velocity: north, east through the water [m/s] until then, (2,); the displacement then
             includes the effect of speed and compass errors.
           field: north, east [m/s] current of a forecast field, as in `step`; it adds to the
             displacement, but not to the current.

@@ -70,11 +70,11 @@ class Passage(NamedTuple):
     kept: Complex
     """[1] Factor of a mode over the step"""
     displaced: Complex
-    """[s] Displacement by a mode that was 1 at the start"""
+    """[s] Displacement divided by the mode at the start"""
     noise: Array
     """[m2/s2] Variance gained by a mode"""
     shared: Complex
-    """[m2/s] Covariance gained, of a mode with the conjugate of its displacement"""
+    """[m2/s] Covariance gained between a mode and the conjugate of its displacement"""
     scattered: Array
     """[m2] Variance gained by the displacement"""
 
@@ -83,7 +83,7 @@ def modes_of(parameters: CurrentParameters, latitude: float) -> Modes:
     """Build the modes of a current.
 
     Args:
-      parameters: of the current.
+      parameters: parameters of the current.
       latitude: [degree] gives the inertial frequency 2 Omega sin(latitude).
     """
     rows: list[tuple[str, complex, float, float]] = [
@@ -177,7 +177,7 @@ def transition(
     carry[POSITION, CALIBRATION] = dt * turns(np.array(complex(*through)))
     noise[MODES:, POSITION] = turns(gone.shared).reshape(-1, 2)
     noise[POSITION, MODES:] = noise[MODES:, POSITION].T
-    # a first-order error's variance grows as 2 memory dt; the error of a long step is its mean's
+    # an integrated first-order error has variance 2 memory dt; in one step the error is constant
     alike = max(2.0 * memory, dt)
     noise[POSITION, POSITION] = gone.scattered.sum() * np.eye(2) + spread * dt * alike
     return carry, noise
@@ -211,7 +211,7 @@ class Node(NamedTuple):
     time: float
     """[s] Time at the end of the step"""
     carry: Array
-    """Transition matrix from the state before, (state, state)"""
+    """Transition matrix from the previous state, (state, state)"""
     predicted: Array
     """State before the measurements at this time, (state,)"""
     predicted_covariance: Array
@@ -260,8 +260,8 @@ def smoothed(
     """Smooth the recorded steps of a filter.
 
     Args:
-      nodes: in order of time.
-      position, dive: their slices of the state.
+      nodes: recorded steps in order of time.
+      position, dive: slices of the state.
       current: matrix that gives the current from a state, (2, state).
     """
     count, size = len(nodes), len(nodes[-1].estimate)

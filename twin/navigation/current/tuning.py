@@ -4,7 +4,7 @@ The likelihood is that of a filter's innovations (Schweppe 1965, IEEE Trans. Inf
 the prior of the parameters. Student's t replaces the normal distribution, so that a single front
 does not set the scale. A forecast field gets a weight if the fixes are more likely with it, and
 none otherwise. Persistence is a special case with one parameter; it is chosen if it is more likely.
-The prior of the other parameters is the price that the larger model pays for its freedom.
+In this comparison, the prior of the other parameters counts against the larger model.
 
 A filter is consistent on records outside its tuning if two things hold (Bar-Shalom, Li and
 Kirubarajan 2001, Estimation with Applications to Tracking and Navigation, section 5.4). The mean of
@@ -106,7 +106,7 @@ def pass_leg(
 def replay(
     filter_: CurrentFilter, legs: Iterable[Leg], covariance: Array | None = None
 ) -> Sequence[Innovation]:
-    """Innovations of a filter at the fixes of legs in order of time; `covariance` as `pass_leg`."""
+    """Innovations at the fixes of legs in order of time; `covariance` as in `pass_leg`."""
     found = []
     for leg in legs:
         begin_leg(filter_, leg)
@@ -136,17 +136,17 @@ def tune(
     compass: float = CurrentParameters.compass,
     may_persist: bool = True,
 ) -> Tuned:
-    """Fit the most likely parameters; the prior's centre without any informative leg.
+    """Fit the most likely parameters; without informative legs, return the prior's centre.
 
     The tidal constituents are those that the longest record can separate.
 
     Args:
-      legs: of the training set, in order of time.
+      legs: legs of the training set, in order of time.
       latitude: [degree]
       others: legs of other records in the same waters, each in order of time.
       speed_scale: [1] standard deviation of the relative error of the speed through the water.
       compass: [degree] standard deviation of the compass' offset.
-      may_persist: whether persistence may be chosen; it describes no current within a dive.
+      may_persist: persistence may be chosen; it describes no current within a dive.
 
     Raises:
       InputError: legs that are not in order of time.
@@ -178,7 +178,7 @@ def tune(
         return surprise(found, records, latitude) + prior_cost(filled(sought))
 
     def cost_beside_field(sought: Array) -> float:
-        """Cost of the field's weight, first, and the logarithms."""
+        """Cost of a vector with the field's weight first, then the logarithms."""
         away = (float(sought[0]) - FIELD) / FIELD_SPREAD
         return cost(sought[1:], float(sought[0])) + 0.5 * away**2
 
@@ -244,13 +244,13 @@ def surprise(
 PARTS = (0.5, 0.9)
 """[1] Fractions of the fixes that the two ellipses must hold"""
 FOLLOWING = 0.3
-"""[1] Gain on the log of an ellipse's squared distance after each fix, held or missed"""
+"""[1] Step size for the log of an ellipse's squared distance after each fix, inside or outside"""
 NORMAL_REACH = (1.386, 4.605)
 """[1] Squared distances for normal errors, -2 ln(1 - part), used without other records"""
 
 
 class Reaches:
-    """Squared distances of two ellipses, adapted so that each holds its part of the fixes (adaptive
+    """Squared distances of two ellipses, adapted so that each holds its fraction of fixes (adaptive
     conformal inference, Gibbs and Candes 2021, NeurIPS 34)."""
 
     def __init__(self, first: tuple[float, float] = NORMAL_REACH):
@@ -281,7 +281,7 @@ class Reaches:
         return half, max(half, ninety)
 
     def held(self, distance: float) -> tuple[bool, bool]:
-        """Whether the 50 and 90 % ellipses hold a fix at this squared distance [1]."""
+        """True for each ellipse, 50 and 90 %, that holds a fix at this squared distance [1]."""
         half, ninety = self.now
         return distance <= half, distance <= ninety
 
@@ -308,7 +308,7 @@ class Consistency:
     later_m: float | None
     """[m] Mean error of the prediction at the fixes after later dives"""
     later_persistence_m: float | None
-    """[m] Mean error at those fixes with the mean current of the dive before"""
+    """[m] Mean error at those fixes with the mean current of the previous dive"""
 
 
 def consistency_of(
@@ -324,7 +324,7 @@ def consistency_of(
     """Test a filter on records of legs, each in order of time; legs of unknown motion are left out.
 
     Args:
-      records: of missions or deployments in similar waters, each with its own current.
+      records: legs of missions or deployments in similar waters, each with its own current.
       latitude: [degree]
       others: records for tuning parameters and ellipses; by default each half of `records` is
         tested with the other half.
@@ -351,7 +351,7 @@ def consistency_of(
         filter_ = CurrentFilter(parameters, latitude=latitude, time=legs[0].start, memory=memory)
         return replay(filter_, legs, noise**2 * np.eye(2))
 
-    said: list[tuple[Sequence[Leg], Sequence[Innovation]]] = []
+    results: list[tuple[Sequence[Leg], Sequence[Innovation]]] = []
     held: list[tuple[bool, bool]] = []
     for taught, judged in parts:
         parameters = tune(
@@ -361,15 +361,15 @@ def consistency_of(
         distances = [one.normalised for legs in taught for one in innovations_of(legs, parameters)]
         for legs in judged:
             found, reaches = innovations_of(legs, parameters), Reaches.of(distances)
-            said.append((legs, found))
+            results.append((legs, found))
             for one in found:
                 held.append(reaches.held(one.normalised))
                 reaches.learn(one.normalised)
-    every = [one for _, innovations in said for one in innovations]
-    first = [(legs[0], innovations[0]) for legs, innovations in said]
+    every = [one for _, innovations in results for one in innovations]
+    first = [(legs[0], innovations[0]) for legs, innovations in results]
     later = [
         (legs[k - 1], legs[k], innovations[k])
-        for legs, innovations in said
+        for legs, innovations in results
         for k in range(1, len(legs))
     ]
     return Consistency(

@@ -24,11 +24,11 @@ from twin.registry import Registry
 from twin.vehicle.vehicle import Vehicle
 
 State = Mapping[str, NDArray[Any]]
-"""Arrays by name that determine the next step."""
+"""State as arrays by name, for `restore`."""
 
 MEMORY_S = 120.0
-"""[s] Time span that a windowed step uses: the longest average, or an inflection, through which
-methods hold a value."""
+"""[s] Time span of a windowed step's samples: it covers the longest average and an inflection, in
+which methods hold a value."""
 USUAL = ("ekf", "steady_flight", "dvl")
 """Estimators in the order of choice if the user names none."""
 
@@ -113,7 +113,7 @@ class VelocityEstimator(abc.ABC):
     colour: ClassVar[str] = ""
     """Colour, a name of `twin.show.style.PALETTE`; grey if empty."""
     drawn: ClassVar[bool] = False
-    """Whether figures of tracks show this method; more than a few tracks would hide each other."""
+    """True: figures of tracks show this method; more than a few tracks would hide each other."""
     without_water: ClassVar[str] = ""
     """Reason why the method has no track through the water, a sentence for the report."""
     takes: ClassVar[str] = ""
@@ -127,10 +127,10 @@ class VelocityEstimator(abc.ABC):
     """Object with `reset`, `state` and `restore` that holds the state of `step`"""
 
     def __init__(self, vehicle: Vehicle, period: float):
-        """Start before the first sample.
+        """Create the estimator.
 
         Args:
-          vehicle: as in its file.
+          vehicle: the nominal vehicle, as in its file.
           period: [s] between the given samples. An estimator that needs a multiple of it sets its
             own `period`.
         """
@@ -199,7 +199,7 @@ class VelocityEstimator(abc.ABC):
         )
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Arrays by name that determine the next step."""
+        """State as arrays by name, for `restore`."""
         return {} if self._memory is None else dict(self._memory.state())
 
     def restore(self, state: State) -> None:
@@ -273,7 +273,7 @@ class WindowedEstimator(VelocityEstimator):
     """Estimator that defines `batch`; a step is the last sample of a batch over `MEMORY_S`."""
 
     def __init__(self, vehicle: Vehicle, period: float):
-        """Start before the first sample; see `VelocityEstimator`."""
+        """Create the estimator; see `VelocityEstimator`."""
         super().__init__(vehicle, period)
         self.recent = self._memory = Recent(self.channels, max(2, round(MEMORY_S / period) + 1))
 
@@ -282,7 +282,7 @@ class WindowedEstimator(VelocityEstimator):
         """See `VelocityEstimator`; averages may use later samples."""
 
     def step(self, sample: Mapping[str, float]) -> BodyVelocity:
-        """See `VelocityEstimator`; the first sample is taken at rest."""
+        """See `VelocityEstimator`; the velocity at the first sample is 0."""
         self.recent.add(sample)
         if self.recent.count < 2:
             return BodyVelocity(surge=0.0, sway=0.0)
@@ -345,7 +345,7 @@ def open_velocity_estimator(text: str, vehicle: Vehicle, period: float) -> Veloc
     """Open the estimator that a text such as "ekf" or "network:runs/mine" names.
 
     Args:
-      vehicle: as in its file.
+      vehicle: the nominal vehicle, as in its file.
       period: [s] between the given samples.
 
     Raises:
@@ -360,7 +360,7 @@ def usual_velocity_estimator(vehicle: Vehicle, period: float) -> VelocityEstimat
     """Open the first estimator of `USUAL` that suits a vehicle.
 
     Raises:
-      InputError: none suits it; the message has the reason of each.
+      InputError: no estimator suits the vehicle; the message has all reasons.
     """
     why = []
     for name in USUAL:

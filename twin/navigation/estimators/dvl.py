@@ -45,13 +45,13 @@ HAMPEL_SAMPLES = 11
 """Window of the outlier test, in samples: 5.5 s at 2 Hz."""
 HAMPEL_SIGMAS = 3.0
 MAD_TO_SIGMA = 1.4826
-"""[1] Standard deviation over median absolute deviation for a normal distribution."""
+"""[1] Standard deviation divided by median absolute deviation, for a normal distribution."""
 LEAST_SPREAD = 2e-3
 """[m/s] Smallest standard deviation that the outlier test assumes: the noise of averaged pings."""
 SMOOTHING_S = 1.0
 """[s] Standard deviation of the Gaussian: short against the seconds in which a turn begins."""
 REACH = 4.0
-"""[1] Cut-off of the Gaussian in standard deviations, scipy's own."""
+"""[1] Cut-off of the Gaussian in standard deviations, as scipy's default."""
 SHORT_LOSS_S = 10.0
 """[s] Longest loss of lock that is interpolated."""
 CURRENT_TIME_S = 600.0
@@ -134,7 +134,7 @@ class Dvl(WindowedEstimator):
                 surge, sway = self._flown(signals)[-1].tolist()
                 return BodyVelocity(surge=surge, sway=sway)
             return BodyVelocity(surge=float(found.surge[-1]), sway=float(found.sway[-1]))
-        log = _velocities(signals)  # the last sample that is no outlier; rest before the first
+        log = _velocities(signals)  # the last good sample counts; without one, the vehicle rests
         good = np.isfinite(log).all(axis=1) & (np.nan_to_num(signals["measured_dvl_mode"]) > 0.0)
         for i in range(3):
             good &= ~spikes(np.nan_to_num(log[:, i]), good)
@@ -215,7 +215,7 @@ def outliers(values: Array, valid: Mask, *, causal: bool = False) -> Mask:
     Args:
       values: [m/s], (time,).
       valid: True for samples with a measurement, (time,).
-      causal: whether windows end at the sample; otherwise they are centred on it.
+      causal: windows end at the sample; otherwise they are centred on it.
     """
     found = np.zeros(len(values), bool)
     if not valid.any():

@@ -66,18 +66,18 @@ class EkfNoise:
     """Standard deviations of the filter's noise, for coefficients that are 10 % uncertain."""
 
     acceleration: float = 2e-3
-    """[m/s2/sqrt(Hz)] each axis: errors of the force law and of the measured inputs."""
+    """[m/s2/sqrt(Hz)] Acceleration along each axis: errors of force law and measured inputs."""
     net_mass: float = 1.2e-2
-    """[kg/sqrt(s)] drift of the net mass's error: stratification, compressibility and wrong drag.
-    An error from drag changes sign between dive and climb, so the drift must allow that."""
+    """[kg/sqrt(s)] Drift of the net mass's error: stratification, compressibility and wrong drag.
+    An error from drag changes sign between dive and climb; the drift must allow for that."""
     initial_net_mass: float = 0.03
     """[kg] Ballasting error at the start: 20 g is usual."""
     initial_velocity: float = 0.05
-    """[m/s] each axis: the mission starts from rest."""
+    """[m/s] Velocity along each axis at the start: the mission starts from rest."""
     depth: float = 0.01
     """[m] Depth sample: noise and quantisation of the transducer."""
     kinematic: float = 5e-4
-    """[m/sqrt(s)] drift between depth and integrated vertical velocity: attitude errors, internal
+    """[m/sqrt(s)] Drift between depth and integrated vertical velocity: attitude errors, internal
     waves."""
 
     def __post_init__(self) -> None:
@@ -131,7 +131,7 @@ class Ekf(GlideModel):
     )
 
     def __init__(self, vehicle: Vehicle, period: float, noise: EkfNoise | None = None):
-        """Start before the first sample; see `VelocityEstimator`."""
+        """Create the estimator; see `VelocityEstimator`."""
         super().__init__(vehicle, period)
         self.noise = EkfNoise() if noise is None else noise
         self.recent = self._memory = Recent(
@@ -185,9 +185,9 @@ class Ekf(GlideModel):
         return self._go_on(rows, afloat(rows[0], self.period), self._begin(rows[0, 0]))
 
     def _begin(self, depth: float) -> Array:
-        """State carried from sample to sample, before the first one, (37,).
+        """Initial numbers that are carried from sample to sample, (37,).
 
-        It holds the inputs of the previous sample (7), NaN before the first, the state (5) and the
+        They are the inputs of the previous sample (7), NaN before the first, the state (5) and the
         covariance (25).
         """
         q = self.noise

@@ -3,7 +3,7 @@
 A glider's path is steeper than its pitch by the angle of attack a. Its speed through the water is
 |z'| / sin(|pitch| + a), its horizontal speed |z'| / tan(|pitch| + a), along the measured heading.
 Slocum gliders navigate by this, Spray with a = 3 deg (OceanGliders, depth-averaged current
-procedure). The track that a vehicle logs itself is one over ground.
+procedure). `OnboardReckoning` is the track over ground that the vehicle itself logged.
 
 The steady balance is `twin.identify.speed`. Its angles follow from ratios of forces, so buoyancy
 hardly changes them. On a flat path the speed comes from buoyancy. On a steep path it comes from the
@@ -131,8 +131,8 @@ class OnboardReckoning(VelocityEstimator):
 
     The vehicle resets it at every GPS fix and adds the last depth-averaged current (see
     `twin.sensors.onboard`). In a mission without fixes it is a track through the water, unless the
-    vehicle is propelled: such vehicles use a Doppler log, which may have bottom lock. It has no
-    surge and sway.
+    vehicle is propelled: propelled vehicles use a Doppler log, which may have bottom lock. The
+    estimate has no surge and sway.
     """
 
     kind = "onboard"
@@ -278,7 +278,7 @@ class LearnedFlight(GlideModel):
     channels = (*CHANNELS, "measured_heading")
 
     def __init__(self, vehicle: Vehicle, period: float):
-        """Start before the first sample; see `VelocityEstimator`."""
+        """Create the estimator; see `VelocityEstimator`."""
         super().__init__(vehicle, period)
         self._filter = self._memory = FlightFilter(vehicle, period)
 
@@ -300,9 +300,9 @@ def glide_deviation(vehicle: Vehicle) -> VelocityDeviation:
     """Velocity error of a balance of forces at the vehicle's usual glide.
 
     The coefficients of an identified vehicle have the uncertainty in its file. Those of another
-    vehicle have the lift slope's in `FlightSpread`: a clean hull, without growth. The pitch's is
-    there, too. Errors by coefficients are equal in descent and climb: they are the constant part.
-    Errors by pitch change sign between them: they are the varying part.
+    vehicle have that of `FlightSpread` in lift slope (a clean hull, without growth) and in pitch.
+    Errors of coefficients are equal in descent and climb: they are the constant part. Errors of
+    pitch change sign between descent and climb: they are the varying part.
 
     Args:
       vehicle: glides by lift and drag coefficients.

@@ -81,7 +81,7 @@ class Feature:
     """`combine` in C99, for vehicles without Python: the body of a function that returns a float
     from the terms' values `const float *t`."""
     odd: bool | None = False
-    """Whether the sign changes if the vehicle is mirrored, port for starboard; None: the store's
+    """True if the sign changes when the vehicle is mirrored, port for starboard; None: the store's
     vehicle decides."""
 
     @property
@@ -177,12 +177,12 @@ def feature(name: str) -> Feature:
 
 
 def is_known(name: str) -> bool:
-    """Whether `feature` accepts the name."""
+    """True if `feature` accepts the name."""
     return name in FEATURES or is_part_channel(name)
 
 
 def is_part_channel(name: str) -> bool:
-    """Whether the name is the reading or command of a part outside the registry."""
+    """True if the name is the reading or command of a part outside the registry."""
     kind, _, part = name.partition("_")
     return kind in PART_GROUPS and bool(part) and name not in (*SIMULATED, *WITH_FLOOR)
 
@@ -200,7 +200,7 @@ class FeatureSteps:
     """
 
     def __init__(self, features: Sequence[str | Feature], period: float):
-        """Start before the first sample.
+        """Create the steps.
 
         Args:
           features: names or features, in the order of the values.
@@ -286,7 +286,7 @@ class FeatureSteps:
         return looked
 
     def state(self) -> dict[str, Array]:
-        """Arrays by name that determine the next step."""
+        """State as arrays by name, for `restore`."""
         return {
             "window": self._window.copy(),
             "angles": self._angles.copy(),

@@ -1,7 +1,7 @@
 """Selection of features: the shipped features, and the choice of a network's inputs.
 
-A glider hardly accelerates, so its accelerometer is an inclinometer. It lacks the errors that gyros
-add to an attitude filter; both have the accelerometer's bias. The flight features are the motion by
+A glider hardly accelerates, so its accelerometer is an inclinometer. The accelerometer lacks the
+errors that gyros add to an attitude; both have its bias. The flight features are the motion by
 the flight filter (`twin.navigation.flight_filter`), with constants estimated during the mission.
 
 Features are selected by names, groups and available sensors. The features of a mission form a
@@ -191,9 +191,9 @@ INPUT_SETS: dict[str, tuple[str, ...]] = {
         *("shift", "pump"),
     ),
 }
-"""Inputs by name. `full` needs gyroscopes and accelerometers; every glider's log has `glider`. With
-`glide_speed`, the kinematic speed from the depth rate, ten hours of missions train a surge network
-to a hundredth of the error without."""
+"""Inputs by name. `full` needs gyroscopes and accelerometers; `glider` needs only what every
+glider logs. `glide_speed` is the kinematic speed from the depth rate: with it, ten hours of
+missions train a surge network to a hundredth of the error without it."""
 
 DEFAULT_GROUPS = INPUT_SETS["full"]
 """Groups of the default inputs."""

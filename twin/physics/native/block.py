@@ -29,7 +29,7 @@ PART = np.dtype(
         ("high", "f8"),  # travel
         ("lag", "f8"),  # [s]
         ("rate", "f8"),  # per second
-        ("one_way", "f8"),  # 1: its position never rises, as of a dropped weight
+        ("one_way", "f8"),  # 1: the position never rises, like a dropped weight's
         ("rest", "f8"),  # position without drive or steering
         ("zero", "f8"),  # position when its encoder reads 0, for a part without joint
         ("gives_volume", "f8"),

@@ -4,7 +4,7 @@ Prefix and attribute `signal_group` mark three groups: `true_*` (the simulated t
 (sensor outputs) and `commanded_*` (setpoints). Angles are degrees in stores, radians in code.
 
 `signals.csv` has one row for each signal that the twin simulates or an import reads, in storage
-order. Standard names are CF's where one exists. `gaps` marks signals that may be NaN inside a
+order. Standard names are CF's if one exists. `gaps` marks signals that may be NaN inside a
 mission. `held_by` is empty for a signal of every simulated mission, else it names the stores that
 have the signal. Sensors, parts and stores from other programs declare further variables.
 """

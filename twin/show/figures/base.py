@@ -37,7 +37,7 @@ class FigureKind:
     """True if `draw` has the option `tracks`: dead-reckoned tracks beside the true track"""
 
     def flaw(self, name: str) -> str:
-        """Defect of the figure type as a clause; empty where there is none."""
+        """Defect of the figure type as a clause; empty if there is none."""
         if not callable(self.draw):
             return "`draw` must be a function of a trajectory that returns a Figure"
         first, *options = inspect.signature(self.draw).parameters.values()

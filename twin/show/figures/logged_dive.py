@@ -24,12 +24,12 @@ RATE_WINDOW = 20.0
 UNDER_WATER = 2.0
 """[m] Least depth of the samples that set the axes; above it waves roll and pitch the vehicle."""
 SHOWN, MARGIN = (0.3, 99.7), 0.08
-"""Percentiles of the samples under water that an axis covers, and its margin over that range"""
+"""Percentiles of the samples under water that an axis covers; margin as a fraction of the axis"""
 LOG, TWIN = "log", "twin"  # labels of the lines where both are drawn
 
 
 class Panel(NamedTuple):
-    """One panel: a signal, drawn with its command where there is one, and the look of its axis."""
+    """One panel: a signal, drawn with its command if there is one, and the look of its axis."""
 
     signal: str
     title: str

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 SEA = "#F4F8FB"
 TRUE = "true track"  # name of the track of a simulated mission
-SIZE, SHAPE = (5.4, 3.8), 1.05  # [in] of the figure; width over height of the map
+SIZE, SHAPE = (5.4, 3.8), 1.05  # [in] of the figure; width / height of the map
 UNDER_WATER = 3.0
 """[m] Depth that a dive between two fixes must exceed; else the vehicle stayed at the surface"""
 STRETCHES = 12  # number of equal parts, each with a mean current, of a mission without fixes

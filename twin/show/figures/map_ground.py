@@ -37,10 +37,10 @@ STEPS = (
 MOST_LINES = 5  # most grid lines of one direction: more labels would touch
 EDGE = 0.06  # fraction of a span without lines at either end, where labels would leave the map
 LEAST_SPAN = 0.004  # [degree of latitude] least height of a map: half a kilometre
-MARGIN = 0.17  # margin on every side over the larger span
+MARGIN = 0.17  # margin on every side / larger span
 BARS = (*(m * 10**k for k in range(6) for m in (1, 2, 5)), 1_000_000)
 """[m] Lengths that a scale bar may have"""
-BAR_SHARE = 0.3  # largest length of a scale bar over the map's width
+BAR_SHARE = 0.3  # largest length of a scale bar / width of the map
 
 
 @functools.cache
@@ -117,7 +117,7 @@ def box_around(latitude: Array, longitude: Array, shape: float = 1.0) -> Box:
 
     Args:
       latitude, longitude: positions of the points; longitudes must not jump by 360 degree.
-      shape: width over height of the map [m/m].
+      shape: width / height of the map [m/m].
     """
     south, north = float(np.nanmin(latitude)), float(np.nanmax(latitude))
     west, east = float(np.nanmin(longitude)), float(np.nanmax(longitude))
@@ -130,7 +130,7 @@ def box_around(latitude: Array, longitude: Array, shape: float = 1.0) -> Box:
 
 
 def cosine(latitude: float) -> float:
-    """Length of a degree of longitude over that of a degree of latitude, at a latitude [degree]."""
+    """Ratio of the lengths of a degree of longitude and of latitude, at a latitude [degree]."""
     ratio = normal_radius(latitude) / meridian_radius(latitude)
     return max(ratio * math.cos(math.radians(latitude)), 0.02)
 

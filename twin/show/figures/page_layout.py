@@ -115,7 +115,7 @@ class Page:
         self._body.append(self._figure(name, drawn, caption))
 
     def pair(self, figures: Sequence[tuple[str, Figure, str]]) -> None:
-        """Add figures side by side where the window is wide enough."""
+        """Add figures side by side if the window is wide enough."""
         self._add('<div class="pair">{}</div>', Markup("").join(self._figure(*f) for f in figures))
 
     def picture(self, name: str, drawn: Figure) -> None:

@@ -22,11 +22,11 @@ from twin.show import style
 from twin.show.figures.base import FigureKind
 from twin.show.figures.signals import ATTITUDE, draw_actuators, draw_attitude, thinned_time
 from twin.show.figures.track import LEGEND_ROW, draw_legend, draw_track, legend_rows
-from twin.show.figures.water import draw_current, draw_sections, ocean_map, water_of
+from twin.show.figures.water import draw_met_current, draw_sections, ocean_map, water_of
 
 Array = NDArray[np.float64]
 FLOOR_IN_SIGHT = 1.5
-"""Largest extension of the depth axis, over the deepest point, to show the sea floor"""
+"""Largest depth axis that shows the sea floor, as a multiple of the deepest point"""
 HEIGHTS, PANEL_HEIGHT = (1.9, 2.75), 0.87
 """[in] Heights of section and track in an overview, and of each signal below them"""
 LEGEND_COLUMNS = 4  # columns of the names of dead-reckoned tracks
@@ -154,7 +154,7 @@ def overview_figure(trajectory: Trajectory, tracks: Sequence[NamedTrack] = ()) -
         draw_legend(middle, left, tracks, LEGEND_COLUMNS)
         left.set_title(source_of(trajectory, "true_north", "track over ground"))
         if all(f"true_current_{name}" in trajectory for name in ("north", "east")):
-            draw_current(right, trajectory)
+            draw_met_current(right, trajectory)
             right.set_title("current met on the way")
         else:
             right.set_axis_off()

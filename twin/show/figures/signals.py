@@ -40,9 +40,9 @@ DEFAULT = (
     *("dvl_surge", "onboard_north", "onboard_east"),
 )
 """Signals shown by default, if the trajectory has them."""
-MOST_SHOWN = 6  # most signals shown where the trajectory has no signal of DEFAULT
+MOST_SHOWN = 6  # most signals shown if the trajectory has no signal of DEFAULT
 ABOVE_TITLE = 1.2
-"""Lower edge of the legend over the first axes' height, above the title of a narrow figure"""
+"""Lower edge of the legend, in heights of the first axes: above the title of a narrow figure"""
 ATTITUDE = ("pitch", "heading")
 
 

@@ -34,7 +34,7 @@ BOX, ZOOM = (1.25, 1.25, 0.9), 0.92
 TICKS = 4
 PANE = (0.97, 0.98, 0.99, 1.0)  # colour of the box's walls
 BOTTOM, RIGHT = 0.02, 0.94
-"""Edges of the axes over the figure's size; the depth label reaches beyond the right edge"""
+"""Edges of the axes as fractions of the figure; the depth label reaches beyond the right edge"""
 BLANK = 0.15  # fraction of the axes' height that stays blank above such a flat box
 LEGEND: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (0.02, 0.99), "columnspacing": 1.0}
 """Options that place `figure.legend`"""

@@ -36,6 +36,8 @@ PANELS = (("temperature", "[°C]"), ("salinity", "[PSS-78]"))
 PANEL_HEIGHT, WIDTH = 1.75, 5.4  # [in]
 NARROW, WIDE = 2.0, 4.5
 """[point] Least and largest side of the dots; a section of few profiles has wider dots"""
+UNEXPLAINED = 0.5
+"""[1] Largest fraction of a current's variance beside its mean profile in a figure over depth"""
 SHOWN_PERCENTILES = 1.0, 99.0  # percentiles that the colours cover
 
 
@@ -141,6 +143,33 @@ def draw_current(axes: Axes, trajectory: Trajectory) -> None:
     style.depth_axis(axes, float(np.nanmax(depth)))
     style.pad_limits(axes, least=0.05, which="x")
     axes.set_xlabel(f"{word} [m/s]")
+    axes.legend(loc="best")
+
+
+def draw_met_current(axes: Axes, trajectory: Trajectory) -> None:
+    """Draw the current against depth, or over time where it changes less with depth than sideways.
+
+    Against depth, a current that changes along the track is a zigzag of dive after dive.
+    """
+    word = source_of(trajectory, "true_current_north", "current")
+    components = np.stack([trajectory[f"true_current_{name}"] for name in ("north", "east")])
+    depth = trajectory["true_depth"]
+    centres, means = mean_profile(depth, *components)
+    known = np.isfinite([depth, *components]).all(axis=0)
+    left = components - [np.interp(depth, centres, mean) for mean in means]
+    varies, remains = (one[:, known].var(axis=1).sum() for one in (components, left))
+    if word == AVERAGED or not known.any() or remains <= UNEXPLAINED * varies:
+        draw_current(axes, trajectory)
+        return
+    seconds, unit = style.time_unit(trajectory.time)
+    for name, colour, component in zip(("north", "east"), ("blue", "vermillion"), components,
+                                       strict=True):  # fmt: skip
+        time, values = style.thin(trajectory.time / seconds, component)
+        axes.plot(time, values, color=style.PALETTE[colour], lw=1.2, label=f"{name}ward")
+    axes.axhline(0.0, color=style.GUIDE, lw=0.7, zorder=1)
+    style.pad_limits(axes, least=0.05)
+    style.label_mission_time(axes, trajectory, seconds, unit)
+    axes.set_ylabel(f"{word} [m/s]")
     axes.legend(loc="best")
 
 

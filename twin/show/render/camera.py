@@ -23,17 +23,17 @@ Array = NDArray[np.float64]
 
 EXAGGERATIONS = (1.0, 2.0, 3.0, 4.0, 5.0, 8.0, 10.0, 15.0, 20.0, 30.0, 50.0)
 HEIGHT_RATIO = {"orbit": 0.30, "side": 0.46, "map": 0.30}
-"""Height over length of the water block at which the automatic exaggeration aims, by camera, for
+"""Height / length of the water block at which the automatic exaggeration aims, by camera, for
 the aspect WIDESCREEN; a taller picture gets a taller block."""
 WIDESCREEN = 16 / 9
 WIDTH_RATIO = {"orbit": 0.28, "side": 0.28, "map": 0.55, "chase": 0.28}
-"""Least width over length of the block, so that a straight track has a body of water around it."""
-MARGIN = 0.07  # margin around the track over the track's length
-BELOW = 0.12  # water below the deepest point over that point's depth
+"""Least width / length of the block, so that a straight track has a body of water around it."""
+MARGIN = 0.07  # margin around the track / its length
+BELOW = 0.12  # height of the water below the deepest point / depth of this point
 LEAST_DEPTH, LEAST_LENGTH = 5.0, 12.0  # [m] least depth and length of the block
-VEHICLE_SHARE = 0.095  # length of the glider over the width of the view
-VIEW_MARGIN = 1.25  # approximate width of the view over the block's length: sets the scale
-SIDE_SHARE = 0.04  # free margin on each side without a HUD, over the picture's size
+VEHICLE_SHARE = 0.095  # length of the glider / width of the view
+VIEW_MARGIN = 1.25  # approximate width of the view / length of the block: sets the scale
+SIDE_SHARE = 0.04  # free margin on each side without a HUD / size of the picture
 
 NARROW, WIDE = math.radians(14.0), math.radians(24.0)
 """[rad] Half of the vertical field of view of the framed cameras, and of the chase camera."""
@@ -54,7 +54,7 @@ INSET_HALF, INSET_DISTANCE = math.radians(13.0), 4.4  # half the field of view; 
 class Frame:
     """Margins that framing keeps free, as fractions of the picture's height and width."""
 
-    aspect: float  # width over height of the picture
+    aspect: float  # width / height of the picture
     bottom: float = SIDE_SHARE
     top: float = SIDE_SHARE
     left: float = SIDE_SHARE
@@ -62,7 +62,7 @@ class Frame:
 
     @property
     def filled(self) -> float:
-        """Height of the filled part over the picture's height."""
+        """Height of the filled area, as a fraction of the picture's."""
         return 1.0 - self.bottom - self.top
 
 

@@ -29,10 +29,10 @@ BASE_WIDTH, BASE_HEIGHT = 1280, 720
 STRIP = 85  # height of the strip of readouts [pixel of the base picture]
 FREE = {"bottom": 42, "top": 72, "left": 0.075, "right": 0.245}
 """Margins that framing keeps free: bottom (distances, above the strip) and top (title) in pixels of
-the base picture; left (depths) and right (close-up and legend) over the width"""
+the base picture; left (depths) and right (close-up and legend) as fractions of its width"""
 INSET_WIDTH, INSET_ASPECT = 0.217, 1.43
-"""Width of the close-up over the picture's, and its width over its height"""
-CURVE_SHARE = 0.22  # width of the depth curve over the picture's
+"""Width of the close-up as a fraction of the picture's; its width divided by its height"""
+CURVE_SHARE = 0.22  # width of the depth curve as a fraction of the picture's
 NAME_TOP, VALUE_TOP, NOTES_TOP, COMPASS_TOP = 15, 34, 14, 82
 """[pixel of the base picture] Distances from the strip's top to the readouts' names and values, and
 from the picture's top to the notes and the compass"""
@@ -62,7 +62,7 @@ WHITE, DIM, INK = (255, 255, 255), (158, 188, 208), (6, 16, 28)
 """Colours of text, labels and background of the strip, 0 to 255"""
 _FILES = {False: "DejaVuSans.ttf", True: "DejaVuSans-Bold.ttf"}
 CACHE = 4096  # most cached words and letters; a long video has as many different numbers
-HALO_SHARE = 14  # font size over the width of its halo
+HALO_SHARE = 14  # font size / width of its halo
 OVERHANG = 2  # [pixel] by which a letter may extend beyond its width
 
 

@@ -21,8 +21,8 @@ from twin.show.render.stage import Stage
 STRIP_ALPHA, LEGEND_ALPHA = 0.66, 0.45
 BAR, ROW = (190, 11), 20
 """Width and height of the colour bar, and height of a legend's row [pixel of the base picture]"""
-LEGEND_SHARE = 0.32  # largest width of the legend over the picture's; a wider one is left out
-LINE = 1.35  # least height of a legend's row over its font size
+LEGEND_SHARE = 0.32  # largest width of the legend / picture's width; a wider one is left out
+LEAST_ROW = 1.35  # least height of a legend's row, as a multiple of its font size
 EDGE, CURVE, CURSOR = (120, 190, 215, 150), (200, 226, 238, 255), (255, 150, 60)
 OVERSAMPLING = 3  # the curve is drawn larger and shrunk, for smooth edges
 UNKNOWN = "–"
@@ -69,7 +69,7 @@ def draw_panel(
 
 
 def _draw_curve(image: Image.Image, canvas: Canvas, stage: Stage) -> None:
-    """Draw depth against time for the whole shown part."""
+    """Draw depth against time for the whole time span of the film."""
     x0, y0, x1, y1 = canvas.curve
     ribbon = stage.lines[0].ribbon
     first, last = ribbon.span
@@ -95,7 +95,7 @@ def _draw_legend(image: Image.Image, canvas: Canvas, stage: Stage) -> None:
     """
     draw, px = ImageDraw.Draw(image), canvas.px
     size = canvas.font_size(LEGEND)
-    face, row, scale = palette.font(size), max(px(ROW), round(LINE * size)), stage.scale
+    face, row, scale = palette.font(size), max(px(ROW), round(LEAST_ROW * size)), stage.scale
     bar = (px(BAR[0]), px(BAR[1]))
     keys = [(line.name, line.colour) for line in stage.lines[1:]]
     if strongest := stage.current.strongest:

@@ -26,18 +26,18 @@ OPEN_RADIUS = 700.0  # [m] radius of the chase camera's backdrop
 RELIEF, CELLS, CHART_CELLS = 26, 96, 200
 """Grid cells along each side: of decorative relief and waves, of a sea floor, and of the map's
 floor, whose colour edges are visible"""
-RELIEF_SHARE = 0.05  # largest height of the floor's relief over the block's depth
+RELIEF_SHARE = 0.05  # largest height of the floor's relief / depth of the block
 SHADOW_LIFT, SHADOW_WIDTH = 0.03, 0.1
 """[display units] Height of a shadow above the ground, and width of the shadow"""
-WAVE_SHARE = 0.0035  # height of the drawn waves over the block's length
+WAVE_SHARE = 0.0035  # height of the drawn waves / length of the block
 OPEN_FADE, FADES = 90.0, 48
 """[m] Distance at which surface and floor fade out for the chase camera; number of fading rings"""
 SNOW_BOX, SNOW_COUNT, SNOW_SIZE = 14.0, 260, 0.010
 """Cube of drifting particles that show motion: side [m], number, radius [m]; our choice"""
 IN_SIGHT = 2.0
-"""Largest depth of a block with a sea floor over its depth without one, so that a dive to 100 m
-above an abyss stays visible"""
-BELOW = 1.04  # depth of the block over the depth of the deepest floor in it
+"""Largest depth of a block with a sea floor, as a multiple of its depth without one: a dive to
+100 m above an abyss stays visible"""
+FLOOR_MARGIN = 1.04  # depth of the block, as a multiple of the deepest floor in it
 CHART_BANDS = 14  # steps of the map's colours
 SHADED, LIT = 0.95, 0.18
 """Relative depths in the water palette, 0 to 1, of the two ends of the map's floor colours"""
@@ -215,7 +215,7 @@ def _north_east(ned: Array) -> tuple[Array, Array]:
 def block_depth(table: Array, layout: SceneLayout) -> float:
     """[m] Depth of a block that reaches the sea floor, at most IN_SIGHT times its usual depth."""
     usual = float(layout.high[2])
-    return min(max(usual, BELOW * float(floor_grid(table, layout).max())), IN_SIGHT * usual)
+    return min(max(usual, FLOOR_MARGIN * float(floor_grid(table, layout).max())), IN_SIGHT * usual)
 
 
 def depth_ticks(layout: SceneLayout) -> Array:

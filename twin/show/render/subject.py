@@ -85,7 +85,7 @@ class Shot:
     track); None: speed, or depth in a log without speed."""
 
     exaggeration: float | None = None
-    """Vertical scale over horizontal scale; None is automatic. The chase camera always has 1."""
+    """Vertical / horizontal scale; None is automatic. The chase camera always has 1."""
 
     floor: float | None = None
     """[m] Depth of the picture's lower end; None: below the mission's sea floor, or without one a

@@ -38,7 +38,7 @@ FOLLOW_DISTANCE, FOLLOW_ELEVATION = 9.0, -18.0
 """Distance [display units] and elevation [degree] of the camera that follows the glider"""
 CLOSING = 5.0  # [s] longest wait for the window to close
 MARGIN = 1.12
-"""Distance of the camera over the least distance that shows all, as the window may be narrow"""
+"""Distance of the camera as a multiple of the least that shows all: the window may be narrow"""
 REFRESH = 60.0  # [1/s] largest frame rate
 MOVED = 0.02
 """[display units] Least change of a mesh that is sent to the viewer: each update costs a frame"""

@@ -196,7 +196,7 @@ def _notes(trajectory: Trajectory, channels: Channels, subject: Subject) -> list
 
 
 def _unix(trajectory: Trajectory) -> float | None:
-    """Unix time [s] of mission time 0; None where the date is unknown or only nominal."""
+    """Unix time [s] of mission time 0; None if the date is unknown or only nominal."""
     if "date" in str(trajectory.provenance.get(coordinates.NOMINAL, "")):
         return None
     seconds = coordinates.unix_seconds(trajectory.provenance.get(coordinates.START_TIME))
@@ -205,7 +205,7 @@ def _unix(trajectory: Trajectory) -> float | None:
 
 def _place(trajectory: Trajectory) -> dict[str, Any] | None:
     """Constants by which the page computes latitude and longitude, as `geographic_position` does;
-    None where the place is unknown or only nominal.
+    None if the place is unknown or only nominal.
     """
     said = trajectory.provenance
     if coordinates.START_LATITUDE not in said or "place" in str(said.get(coordinates.NOMINAL, "")):
@@ -258,7 +258,7 @@ def _body(body: Body) -> dict[str, Any]:
 
 
 def _floor(table: Array | None, layout: SceneLayout) -> dict[str, Any] | None:
-    """Depths of the sea floor over the block; None where the floor is below the block."""
+    """Depths of the sea floor over the block; None if the floor is below the block."""
     if table is None:
         return None
     found = sea.floor_grid(table, layout)

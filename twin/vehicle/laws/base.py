@@ -34,7 +34,7 @@ Unrolled = tuple[tuple[str, ...], Mapping[str, Any]]
 
 
 class Polar(NamedTuple):
-    """Forces and moment in a straight flow without sideslip, over speed squared."""
+    """Forces and moment in a straight flow without sideslip, divided by speed squared."""
 
     drag: float
     """[N s2/m2] Force along the flow."""
@@ -102,7 +102,7 @@ class HullLaw(abc.ABC):
     def fossen_unrolled(self) -> Unrolled | None:
         """Wrench and rate damping as expressions, for a law that loops over its terms; else None.
 
-        Their variables are c[0], c[1], ... (`values`), density, u, v, w, p, q, r.
+        The expressions' variables are c[0], c[1], ... (`values`), density, u, v, w, p, q, r.
         """
         return None
 

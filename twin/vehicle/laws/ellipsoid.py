@@ -28,7 +28,7 @@ ROW = 27
 """Numbers of a geom: place 3, rotation 9, semi-axes 3, MuJoCo's 12 fluid coefficients; hull axes
 (x forward, y port, z up)."""
 HEAD = 4
-"""Numbers before the geoms: viscosity, and roll, pitch, yaw damping over speed squared."""
+"""Numbers before the geoms: viscosity, and roll, pitch, yaw damping / speed squared."""
 SEAWATER_VISCOSITY = 1.4e-3
 """[Pa s] Dynamic viscosity of sea water at about 10 degC."""
 

@@ -276,7 +276,7 @@ class FlowFrame(HullLaw):
     yaw_moment_offset: tuple[float] = (0.0,)
     """K_MY0 [kg] of a hull with unequal sides: positive turns it to starboard"""
     wing_asymmetry: tuple[float] = (0.0,)
-    """K_W [kg/rad] of wings with unequal lift: positive where the port wing lifts more"""
+    """K_W [kg/rad] of wings with unequal lift: positive if the port wing lifts more"""
     linear_angle: float
     """[rad] Largest flow angle at which the published law holds as printed."""
     blend_angle: float
@@ -287,8 +287,8 @@ class FlowFrame(HullLaw):
     """[rad] Angle of attack relative to zero lift in the glides that identified the coefficients;
     0: unknown."""
     cross_flow_drag: float = 0.0
-    """[kg/m] Drag of the hull across the flow, less K_D0, beyond the identified angles; 0: K_D is
-    taken, which is too small if it was measured at small angles."""
+    """[kg/m] Drag of the hull across the flow, minus K_D0, beyond the identified angles; 0: K_D,
+    which is too small if it was measured at small angles."""
 
     @classmethod
     def read(cls, reader: MjcfReader) -> Self:

@@ -56,7 +56,7 @@ class Losses:
     screw_efficiency: float = 0.4
     """Mechanical over electrical power of the battery's drives"""
     rail_friction: float = 0.1
-    """Friction over weight of the sliding battery"""
+    """[1] Friction of the sliding battery, divided by its weight"""
     bearing_torque: float = 0.2
     """[N m] Friction of the turning battery"""
     propeller_efficiency: float = 0.7
@@ -93,7 +93,7 @@ class Quantity:
     unit: str
     """Unit as CF writes it."""
     scale: float
-    """Stored value per unit of the position: 180 / pi where a store has degrees."""
+    """Stored value per unit of the position: 180 / pi if a store has degrees."""
     long_name: str
     """Description without the part's name."""
     limits: tuple[float, float] | None = None

@@ -199,7 +199,7 @@ class Propeller(Part):
         return float(wrench[0])
 
     def energy(self, vehicle: Carrier, move: Move, losses: Losses) -> Array:
-        """Shaft energy of the torque over the efficiency of the motor [J].
+        """Shaft energy of the torque, divided by the efficiency of the motor [J].
 
         A screw that the water turns recovers no energy.
         """

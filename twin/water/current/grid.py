@@ -187,9 +187,9 @@ class Grid(Current):
     east: str | None = setting("u", check=None, default=None)
     """Variable of the eastward velocity; None: found by standard_name, then by usual names."""
     north: str | None = setting("v", check=None, default=None)
-    """Variable of the northward velocity; None: found likewise."""
+    """Variable of the northward velocity; None: found like the eastward one."""
     up: str | None = setting("w", check=None, default=None)
-    """Variable of the upward velocity; None: found likewise, else zero; "none": ignored."""
+    """Variable of the upward velocity; None: found like the others, else 0; "none": ignored."""
     units: str | None = None
     """Units of the velocities; None: the file's attribute."""
     land: str = "auto"

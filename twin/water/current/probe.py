@@ -39,7 +39,7 @@ TOLERANCE = 1e-3
 SMALL = 1e-6
 """Fraction of the largest derivative along an axis below which a derivative counts as zero."""
 ROUNDING = 16.0 * np.finfo(float).eps
-"""Rounding error of a velocity difference, over the fastest velocity."""
+"""Rounding error of a velocity difference, as a fraction of the fastest velocity."""
 
 AXES = ("time", "north", "east", "depth")
 COMPONENTS = ("north", "east", "down")

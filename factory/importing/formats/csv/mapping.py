@@ -73,11 +73,11 @@ class Signal:
     column: str
     """Name of the column."""
     unit: str = ""
-    """Unit, as in `factory.importing.units`; may be left out where the signal has none."""
+    """Unit, as in `factory.importing.units`; may be left out if the signal has none."""
     frame: Frame | None = None
     """Body axes of this column, instead of the file's."""
     sign: float = 1.0
-    """Sign: -1 where the column counts opposite to the frame."""
+    """Sign: -1 if the column counts opposite to the frame."""
     sentinels: tuple[float, ...] = ()
     """Values, as the file has them, that mean no measurement."""
     possible: tuple[float, float] | None = None
@@ -192,7 +192,7 @@ Array = NDArray[np.float64]
 def row_times(
     mapping: Mapping, time: Array, files: Sequence[Array]
 ) -> tuple[tuple[float, float], ...] | None:
-    """Start and end [s] of each row of a deployment; None where its rows are dives.
+    """Start and end [s] of each row of a deployment; None if its rows are dives.
 
     A gap in the times that is longer than the mapping's ends a row, whatever rows are. Rows of
     minutes divide the time between gaps into equal parts of about `minutes`.

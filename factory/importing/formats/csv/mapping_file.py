@@ -1,8 +1,8 @@
 """Mapping file: the TOML text of a mapping, checked key by key.
 
-Unknown keys, signals and units are refused with the nearest known one.
+Errors about unknown keys, signals and units name the nearest known one.
 
-A value of another type than its key needs is refused by the key's name.
+An error about a value of the wrong type names its key.
 """
 
 from __future__ import annotations
@@ -106,8 +106,8 @@ def load_mapping(name: str | Path, *, timed: bool = False) -> Mapping:
     """Load a mapping by the path of its file, or by the name of a shipped one.
 
     Args:
-      timed: the log has its own times, as messages have: [time] is then no key, and rows end at
-        gaps unless the mapping states otherwise.
+      timed: the log has its own times, as messages have. A table [time] is then refused, and rows
+        end at gaps unless the mapping states otherwise.
 
     Raises:
       InputError: no such file; not TOML; an unknown or wrong key, signal, unit or reason.

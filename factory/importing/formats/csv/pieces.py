@@ -226,7 +226,7 @@ _MOVING = 0.3
 _WINDOWS = 5
 """Fewest windows in a comparison."""
 SCALE = (0.4, 2.5)
-"""Range of track speed over velocity: a current of half the vehicle's speed, and noise."""
+"""Range of track speed / velocity, for a current of half the vehicle's speed, and noise."""
 _CURRENT = 1.5
 """[m/s] Largest difference that a current may cause: stronger ones are rare where vehicles go."""
 _AGREES = 0.5
@@ -241,7 +241,7 @@ def check_values(
     possible: tuple[float, float] | None,
     subject: str,
 ) -> None:
-    """Refuse a column of velocities if most of them are impossible for a vehicle.
+    """Refuse a column of velocities if most are impossible for a vehicle.
 
     Args:
       values: [m/s] without the mapping's sentinels.

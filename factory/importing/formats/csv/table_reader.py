@@ -142,8 +142,9 @@ def mapped_log(
         tally.add("note", "measured_dvl_mode", has, f"{mapping.dvl_lock}, says the mapping")
     channels = with_dbar_by_depth(channels, tally, deployment)
     variation = channels.pop("magnetic_variation", EMPTY)
-    names = ("gps_latitude", "gps_longitude", "gps_fix")
-    latitude, longitude, valid = (channels.pop(name, EMPTY) for name in names)
+    latitude, longitude, valid = (
+        channels.pop(f"gps_{name}", EMPTY) for name in ("latitude", "longitude", "fix")
+    )
     fixes = _fixes(latitude, longitude, valid, tally)
     magnetic = [n for n in HEADINGS & set(channels) if mapping.signals[n].north != "true"]
     if magnetic and variation_deg is None and not len(variation):
@@ -233,7 +234,7 @@ def _fixes(latitude: Channel, longitude: Channel, fix: Channel, tally: Tally) ->
 
 
 def _with_water(log: DeploymentLog, conductivity: Channel | None, tally: Tally) -> DeploymentLog:
-    """Add salinity and density where the CTD, a pressure and a position allow it."""
+    """Add salinity and density if the CTD, a pressure and a position allow it."""
     warm, fresh = log.channel("measured_temperature"), log.channel("measured_salinity")
     pressure, depth = log.channel("measured_pressure"), log.channel("measured_depth")
     have_salt = len(fresh) or conductivity is not None

@@ -47,9 +47,9 @@ from twin.records.coordinates import utc_minute
 _CYCLE = b"d"
 """Tag that begins a cycle; two bits for each sensor (2: a new value) and new values follow."""
 _CLOSED = b"X"
-"""Last byte of a file that older software closed; newer software ends with the last cycle."""
+"""Last byte of a file by older software; files by newer software end with the last cycle."""
 _PREAMBLE = 16
-"""[bytes] Length before the first cycle: tags s and a, and three numbers with the byte order."""
+"""[bytes] Header of the binary part: tags s and a, and three known numbers of the byte order."""
 _NEW = 2
 
 
@@ -109,8 +109,8 @@ def read_slocum_binary(
 
     Raises:
       ModuleNotFoundError: dbdreader (GPL, an optional extra) is not installed.
-      InputError: no file can be decoded: not a Slocum file, cut within its header, or its cache
-        file is missing or belongs to another. Or no file has depth or pressure.
+      InputError: no file can be decoded: not a Slocum file, cut within its header, or without its
+        own cache file. Or no file has depth or pressure.
     """
     reader = _decoder()
     wanted = (*WANTED, *payload_names(options.payload))

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, kw_only=True)
 class HindcastSurfacings(JsonOption):
     """Forecast every surfacing of deployments from the data before its dive, and score it beside
-    rivals that go straight to the waypoint: with no current, that of the last dive (persistence),
-    mean and tide by least squares, and the vehicle's own. Example:
+    rivals: over ground as the last three dives, or along the waypoints with no current, that of the
+    last dive (persistence), mean and tide by least squares, and the vehicle's own. Example:
 
         twin hindcast real.zarr --out hindcast
     """
@@ -84,6 +84,8 @@ class HindcastSurfacings(JsonOption):
             ("members", "where it surfaced, the forecast by members flown: the same"),
         ):
             if rows := found.rows(which, least=1):
+                rival = getattr(found, which).rival
+                title += f"; best rival over all: {(rival or 'none').replace('_', ' ')}"
                 console.table(_lines(rows), title=title, digits=3)
         for one in found.deployments:
             console.note(f"{one.name}: {_told(one)}")

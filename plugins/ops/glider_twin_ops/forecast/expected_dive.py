@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider_twin_ops.forecast.logged_leg import DiveTime, LoggedLeg, usual_duration
+from glider_twin_ops.forecast.logged_leg import DiveTime, LoggedLeg, pair, usual_duration
 from glider_twin_ops.forecast.pool import Mixture, Pool, Prior
 from twin.numbers import Array
 
@@ -29,6 +29,8 @@ FORGETTING, RECENT = 0.9, 7
 the sea changes; and number of last dives whose median is the vehicle's speed"""
 FASTEST, COARSE, FINE = 1.5, 0.05, 0.01
 """[m/s] Upper end of the search for a dive's speed along its waypoints, and its two steps"""
+STRAIGHT = 1e6
+"""[s] Time for which the last dive's velocity goes on, where there is no waypoint"""
 ALONG = 0.3
 """[1] Largest misfit of a dive to the path along its waypoints, as a fraction of its length; beyond
 it the dive's speed is its straight length over its duration"""
@@ -76,19 +78,20 @@ def _leaning(toward: complex, speed: float, drift: complex) -> tuple[complex, fl
     return complex(along, lean) * toward, along + beside.real
 
 
-def plain_velocity(before: Sequence[LoggedLeg], targets: Sequence[Place]) -> Array:
-    """Velocity toward the first waypoint, else along the last dive, at the last three's mean speed.
+def plain_way(before: Sequence[LoggedLeg], targets: Sequence[Place], duration: float) -> Array:
+    """Displacement of rivals through the water: along the waypoints, else along the last dive.
 
     Args:
-      before: the dives so far, at least one. targets: waypoints of the dive that begins.
+      before: the dives so far, at least one; the speed is the mean of the last three.
+      targets: waypoints of the dive that begins.
+      duration: [s]
 
     Returns:
-      North, east [m/s], (2,).
+      North, east [m], (2,).
     """
     speed = float(np.mean([np.hypot(*one.velocity) for one in before[-3:]]))
-    toward = np.array(targets[0]) if targets else before[-1].velocity
-    away = float(np.hypot(*toward))
-    return speed * toward / away if away > 0.0 else np.zeros(2)
+    targets = targets or [pair(before[-1].velocity * STRAIGHT)]
+    return np.array(guided_way(targets, speed, (0.0, 0.0), duration) or (0.0, 0.0))
 
 
 GUIDED, AGAIN, NOWHERE = "to its waypoints", "as the last dive", "nowhere in the mean"
@@ -149,6 +152,41 @@ class WayPool:
         part = self.pool.learn(one.velocity)
         self._speeds.append(_speed_of(one))
         self._last = one
+        return part
+
+
+BOTH, STEADY = "through the water plus current", "over ground as the last three dives"
+GROUND_PRIORS: Mapping[str, Prior] = {BOTH: Prior(0.68, 0.73), STEADY: Prior(0.36, 0.1)}
+"""Prior of each model of the velocity over ground, learned over deployments (`python -m
+benchmarks.surfacings`): scale of `BOTH` in its own standard deviations, of `STEADY` in m/s"""
+STEADY_DIVES = 3
+
+
+class GroundPool:
+    """Models of the velocity over ground, weighted by the dives so far."""
+
+    def __init__(self, priors: Mapping[str, Prior] = GROUND_PRIORS):
+        self.pool = Pool({name: priors[name] for name in GROUND_PRIORS})
+        self._velocities: list[Array] = []
+
+    @property
+    def steady(self) -> Array:
+        """Mean velocity over ground of the last three dives, north and east [m/s]; NaN before."""
+        return np.mean(self._velocities[-STEADY_DIVES:] or [np.full(2, np.nan)], axis=0)
+
+    def expect(self, through: Mixture, current: Mixture) -> Mixture:
+        """Forecast the mean velocity over ground, north and east [m/s], of a dive that begins now.
+
+        Args:
+          through: velocity through the water, by `WayPool`. current: by `CurrentPool`.
+        """
+        means = np.array([through.mean + current.mean, self.steady])
+        return self.pool.expect(means, [through.covariance + current.covariance, np.eye(2)])
+
+    def learn(self, velocity: Array) -> Array | None:
+        """Learn a dive's velocity; returns each model's posterior weight, None for the first."""
+        part = self.pool.learn(velocity) if self._velocities else None
+        self._velocities.append(velocity)
         return part
 
 

@@ -13,10 +13,10 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from glider_twin_ops.forecast.expected_dive import WayPool
 from glider_twin_ops.forecast.logged_leg import (
     MODEL,
     LoggedLeg,
@@ -27,11 +27,11 @@ from glider_twin_ops.forecast.logged_leg import (
 )
 from glider_twin_ops.forecast.member_flights import MemberFlight, fly, surfacings_of
 from glider_twin_ops.forecast.members import members_of
-from glider_twin_ops.forecast.pool import CurrentPool
 from glider_twin_ops.forecast.request import HOUR, Known, Request, check_members
 from glider_twin_ops.forecast.walk import (
     FieldMean,
     HindcastSurfacing,
+    Models,
     Pair,
     Priors,
     Scores,
@@ -111,8 +111,7 @@ class MemberFlights:
         self,
         before: Sequence[LoggedLeg],
         one: LoggedLeg,
-        pool: CurrentPool,
-        ways: WayPool,
+        models: Models,
         duration: float,
         reach: Pair,
     ) -> tuple[Array, Array] | None:
@@ -121,7 +120,7 @@ class MemberFlights:
         Args:
           before: the dives so far, at least one.
           one: only its begin, its waypoints and the vehicle's current estimate are read.
-          pool, ways: models of current and velocity, after the last of `before`.
+          models: as they stand after the last of `before`.
           duration: [s] expected.
           reach: [1] squared radii of the two ellipses, as in `Walked`.
 
@@ -133,7 +132,7 @@ class MemberFlights:
         try:
             request = Request(
                 vehicle=self._vehicle,
-                mission=self._mission(before[-1], one, duration, ways.steered(one)),
+                mission=self._mission(before[-1], one, duration, models.ways.steered(one)),
                 place=place,
                 hours=duration / HOUR,
                 members=self._members,
@@ -143,13 +142,12 @@ class MemberFlights:
             self.unflown[one.mission] = str(error)
             return None
         known = Known(
-            pool=copy.deepcopy(pool),
+            **copy.deepcopy(models)._asdict(),
             place=one.begin,
             time=last.end,
             last_current=pair(last.current),
             source=f"{len(before)} dives",
             legs=len(before),
-            ways=ways,
             reach=reach[1],
             by_model=all(each.method == MODEL for each in before),
         ).at(one.leg.start)
@@ -360,15 +358,23 @@ def hindcast(
                 "forecast"
             )
     together = _scores([one.walked for one in found], members is not None)
-    return Hindcast(deployments=tuple(found), train_fraction=train_fraction, **together)
+    best = {which: scores.rival for which, scores in together.items()}
+    alike = []
+    for one in found:
+        scores: dict[str, Any] = {**_scores([one.walked], members is not None, best)}
+        alike.append(dataclasses.replace(one, **scores))
+    return Hindcast(deployments=tuple(alike), train_fraction=train_fraction, **together)
 
 
-def _scores(deployments: Sequence[Walked], members: bool) -> dict[str, Scores]:
-    """Scores of several deployments together, by field of `_Scored`."""
+def _scores(
+    deployments: Sequence[Walked], members: bool, rivals: Mapping[str, str | None] | None = None
+) -> dict[str, Scores]:
+    """Scores of several deployments together, by field of `_Scored`, beside one rival each."""
     found = {}
     for which in ("surfacing", "current", *["members"] * members):
         told = ([getattr(s, which) for s in one.surfacings if s.scored] for one in deployments)
-        found[which] = scores_of([[one for one in each if one is not None] for each in told])
+        runs = [[one for one in each if one is not None] for each in told]
+        found[which] = scores_of(runs, None if rivals is None else rivals[which])
     return found
 
 

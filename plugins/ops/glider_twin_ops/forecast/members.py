@@ -10,7 +10,15 @@ import math
 
 import numpy as np
 
-from glider_twin_ops.forecast.expected_dive import GUIDED, SHORTEST, Delays, WayPool
+from glider_twin_ops.forecast.expected_dive import (
+    BOTH,
+    GUIDED,
+    SHORTEST,
+    STEADY,
+    Delays,
+    GroundPool,
+    WayPool,
+)
 from glider_twin_ops.forecast.member_flights import MemberFlight, fly_nominal, nominal_scenario
 from glider_twin_ops.forecast.pool import FILTER, CurrentPool, Mixture
 from glider_twin_ops.forecast.request import Known, Request, longest_dive
@@ -114,8 +122,12 @@ def members_of(request: Request, known: Known) -> Members:
         mission = dataclasses.replace(mission, segments=segments)
     nominal = nominal_scenario(request, mission)
     if known.ways is not None and isinstance(mission.segments[0], Waypoint):
-        off, spread["way"] = _ways(request, mission, known.ways, rng)
+        ahead, spread["way"] = _ways(request, mission, known.ways)
+        off = draw_ways(ahead, known.ways.pool.freedom, request.members, rng)
         course = water.current + off[:, None, :]
+        if known.ground is not None:
+            course, part = draw_ground(course, ahead.means[0], known.ground, rng)
+            spread["ground"] = f"{100.0 * part:.0f} % of the members go {STEADY}"
         wider = math.sqrt(known.reach / chi_squared(0.9))
         water = dataclasses.replace(water, current=course[:1] + wider * (course - course[:1]))
         spread["spread"] = (
@@ -169,17 +181,14 @@ def _beside_log(request: Request, ways: WayPool) -> float | None:
     return ways.speed / nominal - 1.0 if nominal > 0.0 else None
 
 
-def _ways(
-    request: Request, mission: Mission, ways: WayPool, rng: np.random.Generator
-) -> tuple[Array, str]:
-    """Velocity [m/s] of each member beside the flown path, (member, 2), and its law in words."""
+def _ways(request: Request, mission: Mission, ways: WayPool) -> tuple[Mixture, str]:
+    """Forecast of the velocity through the water [m/s] on a mission, and its law in words."""
     place = request.place
     first = mission.placed(place.latitude_deg, place.longitude_deg).segments[0]
     assert isinstance(first, Waypoint)
     targets = [(one["north_m"], one["east_m"]) for one in first.targets]
     steered = (first.current_north_m_s or 0.0, first.current_east_m_s or 0.0)
     ahead = ways.toward(targets, steered, longest_dive(mission))
-    off = draw_ways(ahead, ways.pool.freedom, request.members, rng)
     deviation = math.sqrt(0.5 * float(np.trace(ahead.covariance)))
     said = f"as dives so far went beside how they were sent: {deviation:.2f} m/s each way"
     obeys = float(ahead.weights[ahead.names.index(GUIDED)]) if GUIDED in ahead.names else 0.0
@@ -191,7 +200,7 @@ def _ways(
             "the forecast. Where it is steered otherwise from now on, forecast without --logs, "
             "with --vehicle and --current"
         )
-    return off, said
+    return ahead, said
 
 
 def _compass(
@@ -337,6 +346,30 @@ def draw_ways(ahead: Mixture, freedom: float, count: int, rng: np.random.Generat
     off = ahead.draw(count, freedom, rng) - ahead.means[0]
     off[0] = ahead.mean - ahead.means[0]
     return off
+
+
+def draw_ground(
+    course: Array, flown: Array, ground: GroundPool, rng: np.random.Generator
+) -> tuple[Array, float]:
+    """Let some members go over ground as the last three dives, sampled by weight.
+
+    Args:
+      course: north, east [m/s] of the current, (member, time, 2).
+      flown: north, east [m/s] of the flown path through the water.
+      ground: with what it has learned.
+
+    Returns:
+      The currents, and the fraction of such members; the first member keeps the weighted mean.
+    """
+    part, count = ground.pool.weights[STEADY], len(course)
+    scale, freedom = ground.pool.scales[STEADY], ground.pool.freedom
+    wider = ground.pool.scales[BOTH] * math.sqrt(freedom / (freedom - 2.0))  # as the mixture has it
+    course = course[:1] + wider * (course - course[:1])
+    heavy = np.sqrt(freedom / rng.chisquare(freedom, (count, 1)))
+    steady = ground.steady - flown + scale * heavy * rng.standard_normal((count, 2))
+    found = np.where(rng.random((count, 1, 1)) < part, steady[:, None, :], course)
+    found[0] = (1.0 - part) * course[0] + part * (ground.steady - flown)
+    return found, part
 
 
 def draw_field_error(

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glider_twin_ops.forecast.expected_dive import Rhythm, WayPool
+from glider_twin_ops.forecast.expected_dive import GroundPool, Rhythm, WayPool
 from glider_twin_ops.forecast.logged_leg import (
     MODEL,
     dive_times,
@@ -49,6 +49,8 @@ FASTEST, SLOWEST = 3.0, 0.1
 of a climb, which says how far beyond the horizon members fly"""
 DEEPEST = 1500.0
 """[m] Rated depth of a vehicle whose file has none: that of the deepest shipped vehicle"""
+TOO_DEEP = 1.2
+"""[1] Depth over the rated depth beyond which a mission is refused"""
 LATE = 0.25
 """[1] Fraction of a dive by which late members surface after the others"""
 
@@ -93,6 +95,13 @@ class Request:
                 f"has no sea floor: leave {self.mission.needs_floor} out"
             )
         self.notes()  # raises MissionError for a target beyond the plane of the start
+        rated = self.vehicle.rated_depth or DEEPEST
+        if self.deepest > TOO_DEEP * rated:
+            raise MissionError(
+                f"the mission dives to {self.deepest:g} m, and {self.vehicle.name} is built for "
+                f"{rated:g} m: the limit is {TOO_DEEP:g} times that, {TOO_DEEP * rated:g} m; give "
+                "a lesser depth, or a vehicle whose file has a larger rated_depth"
+            )
 
     def notes(self) -> tuple[str, ...]:
         """Warnings about depth and targets; MissionError for a target beyond the start's plane."""
@@ -238,6 +247,8 @@ class Known:
     """Number of dives from which the models learned."""
     ways: WayPool | None = None
     """Models of the velocity through the water."""
+    ground: GroundPool | None = None
+    """Models of the velocity over ground."""
     reach: float = chi_squared(0.9)
     """[1] squared Mahalanobis radius that held nine of ten surfacings of the log, when each was
     forecast from the dives before."""
@@ -339,8 +350,9 @@ def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
         source=f"{counted(len(legs), 'dive')} from fix to fix of {deployment} (way through the "
         f"water: {last.method})" + (f"; no dive of {later} ends with a fix" if later else ""),
         legs=len(legs),
-        ways=walked.ways,
         reach=walked.reach[1],
+        ways=walked.ways,
+        ground=walked.ground,
         rhythm=walked.rhythm,
         silent=times.silent,
         last_seen=seen if seen is not None and seen.time > last.leg.end else None,

@@ -19,18 +19,21 @@ import copy
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glider_twin_ops.forecast.expected_dive import (
+    GROUND_PRIORS,
     SCHEDULE_PRIORS,
     WAY_PRIORS,
+    GroundPool,
     Rhythm,
     SurfacingSchedule,
     WayPool,
     middle,
-    plain_velocity,
+    plain_way,
 )
 from glider_twin_ops.forecast.logged_leg import DiveTime, LoggedLeg, pair, place_at, usual_duration
 from glider_twin_ops.forecast.pool import CURRENT_PRIORS, CurrentPool, Mixture, Prior, tidal_fit
@@ -43,9 +46,20 @@ FieldMean = Callable[[LoggedLeg, LoggedLeg, Array, float], Pair]
 """Mean current north, east [m/s] that a field forecasts for a dive. Arguments: leg that gives the
 begin, leg that gives the depths, displacement through the water [m], duration [s]"""
 
+
+class Models(NamedTuple):
+    """Pools of one deployment, as they stand after its dives so far."""
+
+    pool: CurrentPool
+    """Current"""
+    ways: WayPool
+    """Velocity through the water"""
+    ground: GroundPool
+    """Velocity over ground"""
+
+
 MembersFlown = Callable[
-    [Sequence[LoggedLeg], LoggedLeg, CurrentPool, WayPool, float, Pair],
-    tuple[Array, Array] | None,
+    [Sequence[LoggedLeg], LoggedLeg, Models, float, Pair], tuple[Array, Array] | None
 ]
 """Mean [m] and covariance [m2] of the members' surfacings (`MemberFlights.expect`)"""
 
@@ -58,14 +72,15 @@ RIVAL_DAYS = 5.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Priors:
-    """Priors before the first dive; the defaults were learned over several deployments."""
+    """Priors before the first dive; the defaults are those of `benchmarks.surfacings --priors`."""
 
     current: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: CURRENT_PRIORS)
     way: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: WAY_PRIORS)
+    ground: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: GROUND_PRIORS)
     schedule: Mapping[str, Prior] = dataclasses.field(default_factory=lambda: SCHEDULE_PRIORS)
-    surfacing_reach: Pair = (0.81, 4.8)
+    surfacing_reach: Pair = (0.99, 17.0)
     """[1] squared Mahalanobis radii of the 50 and 90 % ellipses of a surfacing"""
-    current_reach: Pair = (0.69, 3.1)
+    current_reach: Pair = (0.72, 7.3)
     """[1] squared Mahalanobis radii of the 50 and 90 % ellipses of a current"""
 
 
@@ -134,11 +149,14 @@ class Walked:
     surfacings: tuple[HindcastSurfacing, ...]
     """One for each leg but the first"""
     weights: dict[str, dict[str, float]]
-    """[1] mean posterior weight of each model over the dives, by pool: current, way, schedule"""
+    """[1] mean posterior weight of each model over the dives, by pool: current, way, ground,
+    schedule"""
     pool: CurrentPool
     """Models of the current, after the last dive"""
     ways: WayPool
     """Models of the velocity through the water, after the last dive"""
+    ground: GroundPool
+    """Models of the velocity over ground, after the last dive"""
     schedule: SurfacingSchedule
     """Models of the duration, as known when the last dive began"""
     rhythm: Rhythm | None
@@ -174,10 +192,11 @@ def walk(
         field=field is not None,
         priors=priors.current,
     )
-    ways, ends = WayPool(priors.way), SurfacingSchedule(priors.schedule)
+    models = Models(pool, WayPool(priors.way), GroundPool(priors.ground))
+    ends = SurfacingSchedule(priors.schedule)
     reaches = Reaches(priors.surfacing_reach), Reaches(priors.current_reach)
     times = list(dives) or [DiveTime(one.leg.start, one.leg.end, math.nan) for one in legs]
-    parts: dict[str, list[Array]] = {"current": [], "way": [], "schedule": []}
+    parts: dict[str, list[Array]] = {n: [] for n in ("current", "way", "ground", "schedule")}
     found: list[HindcastSurfacing] = []
     for k, one in enumerate(legs):
         leg = one.leg
@@ -189,12 +208,12 @@ def walk(
             leg = dataclasses.replace(leg, field=told)
         if k:
             lasts = ends.expect(leg.start)
-            judged = _judge(legs[:k], one, leg, (pool, ways), lasts, reaches, field)
+            judged = _judge(legs[:k], one, leg, models, lasts, reaches, field)
             for reach, each in zip(reaches, (judged.surfacing, judged.current), strict=True):
                 reach.learn(each.distance)
             members, duration = None, middle(lasts)
             if flown is not None and k >= train:
-                members = flown(legs[:k], one, pool, ways, duration, judged.surfacing.reach)
+                members = flown(legs[:k], one, models, duration, judged.surfacing.reach)
             if members is not None:
                 mean, covariance = members
                 # every member flies the expected duration: the duration's error is added here
@@ -209,8 +228,10 @@ def walk(
                 judged = dataclasses.replace(judged, members=by_members)
             found.append(dataclasses.replace(judged, scored=k >= train))
         parts["current"].append(pool.learn(leg))
-        parts["way"].append(ways.learn(one))
-    pools = {"current": pool.pool, "way": ways.pool, "schedule": ends.pool}
+        parts["way"].append(models.ways.learn(one))
+        if (part := models.ground.learn(np.array(leg.over_ground) / leg.duration)) is not None:
+            parts["ground"].append(part)
+    pools = dict(zip(parts, (one.pool for one in (*models, ends)), strict=True))
     whole = copy.deepcopy(ends)
     for dive in times:
         whole.learn(dive)
@@ -221,8 +242,7 @@ def walk(
             for name, one in pools.items()
             if parts[name]
         },
-        pool=pool,
-        ways=ways,
+        **models._asdict(),
         schedule=ends,
         rhythm=Rhythm.of(whole, dives),
         reach=reaches[0].now,
@@ -233,13 +253,13 @@ def _judge(
     before: Sequence[LoggedLeg],
     one: LoggedLeg,
     leg: Leg,
-    known: tuple[CurrentPool, WayPool],
+    models: Models,
     lasts: Mixture,
     reaches: tuple[Reaches, Reaches],
     field: FieldMean | None,
 ) -> HindcastSurfacing:
     """Forecast one surfacing by all methods from the dives before, and take its errors."""
-    pool, ways = known
+    pool, ways, _ = models
     duration = middle(lasts)
     through = ways.expect(one, duration)
     ahead = _leg_ahead(leg, duration, duration * through.mean)
@@ -247,10 +267,11 @@ def _judge(
         told = field(one, before[-1], duration * through.mean, duration)
         ahead = dataclasses.replace(ahead, field=told)
     carried = pool.expect(ahead)
-    ground = through.mean + carried.mean
+    over_ground = models.ground.expect(through, carried)
+    ground = over_ground.mean
     legs = [each.leg for each in before]
     usual = usual_duration([DiveTime(each.start, each.end, math.nan) for each in legs])
-    plain = plain_velocity(before, one.targets)
+    plain = plain_way(before, one.targets, usual)
     mixed = pool.expect(leg)
 
     def rivals(over: Leg) -> dict[str, Array]:
@@ -258,14 +279,14 @@ def _judge(
         tide = tidal_fit(legs, over, RIVAL_DAYS)
         return {"persistence": legs[-1].current, "tide": tide, "no_current": np.zeros(2)}
 
-    expected = rivals(_leg_ahead(leg, usual, usual * plain))
-    reached = {"forecast": duration * ground}
-    reached |= {name: usual * (plain + current) for name, current in expected.items()}
+    expected = rivals(_leg_ahead(leg, usual, plain))
+    reached = {"forecast": duration * ground, "over_ground": usual * models.ground.steady}
+    reached |= {name: plain + usual * current for name, current in expected.items()}
     ended, given = np.array(leg.over_ground), np.array(leg.through_water)
     drifted = {"forecast": mixed.mean, **rivals(leg)}
     missed = {name: ended - given - leg.duration * each for name, each in drifted.items()}
     if one.onboard is not None:
-        reached["onboard"] = usual * (plain + np.array(ways.steered(one)))
+        reached["onboard"] = plain + usual * np.array(ways.steered(one))
         missed["onboard"] = ended - np.array(one.onboard)
     places = {name: place_at(to, one.begin) for name, to in {"fix": ended, **reached}.items()}
     hours = leg.duration / HOUR
@@ -277,7 +298,7 @@ def _judge(
         surfacing=Judged(
             hours=hours,
             missed={name: pair(ended - metres) for name, metres in reached.items()},
-            covariance=duration**2 * (through.covariance + carried.covariance)
+            covariance=duration**2 * over_ground.covariance
             + lasts.covariance[0, 0] * np.outer(ground, ground),
             reach=reaches[0].now,
         ),
@@ -298,7 +319,7 @@ def _leg_ahead(leg: Leg, duration: float, through: Array) -> Leg:
     return Leg(start=leg.start, duration=duration, over_ground=unknown, through_water=pair(through))
 
 
-METHODS = ("forecast", "persistence", "tide", "no_current", "onboard")
+METHODS = ("forecast", "over_ground", "persistence", "tide", "no_current", "onboard")
 RESAMPLED, BLOCK, SEED = 2000, 6, 1
 """Number of bootstrap samples, surfacings in a block (about a day, since errors of neighbours
 correlate: Kunsch 1989, Ann. Stat. 17), and the seed"""
@@ -346,11 +367,12 @@ class Scores:
         }
 
 
-def scores_of(deployments: Sequence[Sequence[Judged]]) -> Scores:
+def scores_of(deployments: Sequence[Sequence[Judged]], rival: str | None = None) -> Scores:
     """Scores of several deployments together.
 
     Args:
       deployments: scored surfacings of each; a block of the bootstrap lies within one deployment.
+      rival: method to compare with; None: the best of these deployments.
     """
     every = [one for run in deployments for one in run]
     errors = {name: np.array([one.error(name) for one in every]) for name in METHODS}
@@ -361,7 +383,8 @@ def scores_of(deployments: Sequence[Sequence[Judged]]) -> Scores:
         for name, figure in mean.items()
         if name != "forecast" and figure is not None and len(known[name]) == len(every)
     }
-    rival = min(whole, key=lambda name: whole[name]) if whole else None
+    if rival not in whole:
+        rival = min(whole, key=lambda name: whole[name]) if whole else None
     interval = None
     if rival is not None and len(every) >= LEAST_SEGMENTS:
         interval = bootstrap(

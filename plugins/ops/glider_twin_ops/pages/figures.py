@@ -41,6 +41,7 @@ LONGEST_ARROW, TICKS, WIDE = 0.18, 25.0, 1.4
 over height of the map for e-mail"""
 STYLED = {
     "forecast": ("forecast", "vermillion"),
+    "over_ground": ("over ground as the last three", "sky"),
     "persistence": ("persistence", "blue"),
     "tide": ("mean and tide", "yellow"),
     "no_current": ("no current", "green"),

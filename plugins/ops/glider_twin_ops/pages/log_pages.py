@@ -181,8 +181,9 @@ def write_hindcast(folder: Path, found: Hindcast, command: str = "") -> Path:
     page.numbers(_large(found.surfacing))
     for which, words in (
         ("surfacing", "Where it surfaced: mean error, metres per hour since the fix before. Rivals "
-         "go at the speed of the last three dives toward the waypoint for their median duration, "
-         "each with a current of its own; on board: that with which the vehicle reckons."),
+         "go at the speed of the last three dives along the waypoints for their median duration, "
+         "each with its own current (on board: the vehicle's estimate), or over ground as the last "
+         "three dives."),
         ("current", "The current alone: all methods are given the way through the water and the "
          "duration; on board: the vehicle's own track at the end of the dive."),
         ("members", "Where it surfaced, the forecast by members flown as twin forecast flies them: "
@@ -197,9 +198,9 @@ def write_hindcast(folder: Path, found: Hindcast, command: str = "") -> Path:
                     {"deployment": name, "scored": scores.segments, **_row(scores, partial)}
                     for name, scores in rows
                 ],
-                f"{words} Forecast / best rival is the forecast's error over that of the best "
-                "other one, below 1 where it is better; inside are the parts that came up in the "
-                "ellipses.",
+                f"{words} Forecast / best rival is the forecast's error over that of the rival "
+                "that is best over all, below 1 where it is better; inside are the parts that came "
+                "up in the ellipses.",
                 first=False,
             )
     for one in found.deployments:

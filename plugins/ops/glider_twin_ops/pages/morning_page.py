@@ -1,25 +1,25 @@
-"""Morning page: one HTML file that needs no network; beside it JSON, a text for e-mail, GeoJSON.
-
-`daily.html` and `daily.css` are the template of its top: next surfacing, waypoint, readings, map.
-"""
+"""Morning page: one HTML file that needs no network; beside it JSON, a text for e-mail, GeoJSON."""
 
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from glider_twin_ops.forecast import Forecast, notice_boxes
 from glider_twin_ops.forecast.member_flights import NINETY
 from glider_twin_ops.forecast.surfacing_forecast import boxes_text, collection
 from glider_twin_ops.health import CHANNELS, DeploymentHealth
-from glider_twin_ops.pages import surfacing_map
+from glider_twin_ops.pages.daily_page import (
+    DailyPage,
+    arrival_text,
+    distance_text,
+    fix_text,
+    too_late_text,
+)
 from glider_twin_ops.pages.figures import (
     channel_figures,
     evidence_figure,
@@ -31,7 +31,7 @@ from glider_twin_ops.pages.forecast_page import forecast_row
 from glider_twin_ops.pages.log_pages import kind_facts
 from glider_twin_ops.watching.changes import sentence, state_in_words
 from glider_twin_ops.watching.dive_table import polar
-from glider_twin_ops.watching.expected_plan import NAMES, Arrival, LastFix, ProposedFiles
+from glider_twin_ops.watching.expected_plan import NAMES, ProposedFiles
 from glider_twin_ops.watching.morning import Morning
 from twin.cli import counted, one_line, printable
 from twin.errors import StoreError
@@ -204,13 +204,13 @@ def summary(told: Morning, new: Sequence[str]) -> str:
             speed, course = polar(*told.legs[-1].leg.current.tolist())
             lines[-1] += f"; current of the last {speed:.2f} m/s towards {course:03.0f} degree"
     if (fix := told.last_fix) is not None:
-        lines.append(f"Last fix {_fixed(fix)}")
+        lines.append(f"Last fix {fix_text(fix)}")
     if (said := told.dialogue) is not None and said.why:
         lines[-1] += f"; came up because of: {said.why}" + (
             f", {counted(said.aborts, 'abort')} since its reset" if said.aborts else ""
         )
     if (way := told.arrival) is not None:
-        lines[-1] += f"; waypoint {_distance(way)}, arrival {_arrival(way)}"
+        lines[-1] += f"; waypoint {distance_text(way)}, arrival {arrival_text(way)}"
     if (found := told.surfacings) is not None and found.surfacings:
         one, ellipse = found.surfacings[0], found.surfacings[0].ellipse(NINETY)
         lines += [
@@ -231,14 +231,6 @@ def summary(told: Morning, new: Sequence[str]) -> str:
     return "\n".join([printable(one_line(line)) for line in lines if line][:10]) + "\n"
 
 
-def _distance(way: Arrival) -> str:
-    return f"{way.km:.1f} km towards {way.bearing:03.0f}"
-
-
-def _fixed(fix: LastFix) -> str:
-    return f"{utc_minute(fix.time)} UTC at {fix.latitude:.4f}, {fix.longitude:.4f}"
-
-
 def _power(told: Morning) -> str:
     if told.used is None:
         return ""
@@ -254,112 +246,9 @@ def _power(told: Morning) -> str:
         said += (
             f"; turn home by {utc_minute(fix.time + home.safe_days * DAY)} UTC"
             if home.safe
-            else f"; {_too_late(home.reached)}"
+            else f"; {too_late_text(home.reached)}"
         )
     return said
-
-
-class DailyPage(Page):
-    """Page with the next surfacing, the waypoint and the map at its top."""
-
-    def top(self, told: Morning) -> None:
-        """Fill the template with what is known."""
-        chart = Markup()
-        if told.surfacings is not None or told.legs:
-            goal = "last course" if told.arrival is None else "waypoint {}"
-            drawn = surfacing_map.draw_map(told.surfacings, told.legs, start="last fix", goal=goal)
-            form = "<figure>{}<figcaption>{}</figcaption></figure>\n<script>{}</script>"
-            script = Markup(surfacing_map.SCRIPT)
-            chart = Markup(form).format(Markup(drawn), MAP_CAPTION, script)
-        facts = (Markup("<dt>{}</dt><dd>{}</dd>").format(*one) for one in _now(told).items())
-        self._body.append(
-            Markup(_file("daily.html")).format(
-                style=Markup(surfacing_map.STYLE + _file("daily.css")),
-                alone="" if chart else " alone",
-                facts=Markup("").join(facts),
-                chart=chart,
-                **_next(told),
-            )
-        )
-
-
-MAP_CAPTION = (
-    "Ellipses hold 50 and 90 % of each surfacing, dots are members, the broken line is the mean. "
-    "Grey lines join the fixes of the last dives; arrows are their mean currents. Ctrl and the "
-    "wheel zoom, dragging moves. Coast: Natural Earth 1:50m, coarse."
-)
-
-
-def _file(name: str) -> str:
-    return files(__package__).joinpath(name).read_text("utf-8")
-
-
-def _next(told: Morning) -> dict[str, str]:
-    """Texts on the next surfacing; the reason where there is no forecast."""
-    found = told.surfacings
-    if found is None or not found.surfacings:
-        why = next(iter(told.missing), "")
-        if found is not None:
-            why = found.left_out or f"no surfacing within {found.request.hours:g} h"
-        texts = "Next surfacing", "not known", "", why
-    else:
-        one, ellipse = found.surfacings[0], found.surfacings[0].ellipse(NINETY)
-        texts = (
-            "Next surfacing",
-            f"{_chart(one.latitude, 'NS')} {_chart(one.longitude, 'EW')}",
-            f"{found.minute(one.time_s)} UTC ({found.bounds(one)})",
-            f"{one.latitude:.4f}, {one.longitude:.4f}; 90 % within "
-            f"{ellipse.semi_major_m / KILO:.1f} x {ellipse.semi_minor_m / KILO:.1f} km, the longer "
-            f"towards {ellipse.bearing_deg:03.0f}",
-        )
-    names = "what", "where", "when", "within"
-    return {name: printable(text) for name, text in zip(names, texts, strict=True)}
-
-
-def _chart(value: float, letters: str) -> str:
-    """Degrees and minutes of a latitude or longitude as charts write them."""
-    whole, minutes = divmod(round(60.0 * abs(value), 2), 60.0)
-    return f"{whole:.0f}\N{DEGREE SIGN}{minutes:05.2f}\N{PRIME}{letters[value < 0.0]}"
-
-
-def _now(told: Morning) -> dict[str, str]:
-    """Waypoint, last fix and readings: names and values."""
-    found: dict[str, str] = {}
-    if (way := told.arrival) is not None:
-        found["waypoint"] = f"{_distance(way)}, at {way.latitude:.4f}, {way.longitude:.4f}"
-        found["arrival"] = _arrival(way)
-    elif told.surfacings is not None:
-        found["waypoint"] = "not known: give goto in deployment.toml"
-    if (fix := told.last_fix) is not None:
-        found["last fix"] = _fixed(fix)
-    if told.legs:
-        speed, towards = polar(*told.legs[-1].leg.current.tolist())
-        until = utc_minute(told.legs[-1].leg.end)[5:]
-        found["current"] = f"{speed:.2f} m/s towards {towards:03.0f}, mean of the dive to {until}"
-    found |= {one.what: printable(one.text()) for one in told.readings}
-    if told.used is not None:
-        found["power"] = f"{told.used.power:.2f} W"
-    if told.lasts is not None:
-        found["days left"] = f"{told.lasts.days:.1f} (90 %: {told.lasts.between()})"
-    if fix is not None and told.outlook is not None and (home := told.outlook.home) is not None:
-        by = f"{utc_minute(fix.time + home.safe_days * DAY)} UTC"
-        found["turn home"] = f"by {by}" if home.safe else _too_late(home.reached)
-    if told.plan:
-        found["taken to go"] = told.plan.partition(". ")[0]
-    return found
-
-
-def _too_late(reached: float) -> str:
-    return f"turning now, {100.0 * reached:.0f} of 100 draws get home"
-
-
-def _arrival(way: Arrival) -> str:
-    if math.isinf(way.time):
-        return f"never: it makes {way.speed:.2f} m/s good towards it"
-    late = "later than all draws" if math.isinf(way.late) else utc_minute(way.late)[5:]
-    said = f"{utc_minute(way.time)} UTC (90 %: {utc_minute(way.early)[5:]} to {late})"
-    goes_on = ", if it goes on so after the forecast" if way.beyond else ""
-    return f"{said} at {way.speed:.2f} m/s made good{goes_on}"
 
 
 def _forecast(page: Page, told: Morning, found: Forecast) -> None:
@@ -409,11 +298,11 @@ def _health(page: Page, morning: Morning, health: DeploymentHealth) -> None:
             [
                 {
                     "channel": CHANNELS[k].name,
+                    "in words": words.get(CHANNELS[k].name) or f"{CHANNELS[k].says}: not known now",
                     "level": float(health.levels.level[-1, k]),
                     "deviation": float(health.levels.deviation[-1, k]),
                     "unit": CHANNELS[k].unit,
                     "last innovation": last[k],
-                    "in words": words.get(CHANNELS[k].name) or f"{CHANNELS[k].says}: not known now",
                 }
                 for k in told
             ],

@@ -4,9 +4,13 @@ import dataclasses
 import math
 import re
 
+import netCDF4
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from logs import SHARED
+from pyarrow import parquet
 
 from glider_twin_ops.files import (
     commanded,
@@ -88,6 +92,31 @@ def test_a_slocum_is_told_to_dive_nose_down_and_heavy_and_to_climb_nose_up_and_l
     assert float(surfaces["c_pitch_value"]) == pytest.approx(math.radians(24.0), abs=1e-4)
 
 
+@pytest.mark.skipif(not SHARED.is_dir(), reason="no real logs in ../shared/data")
+def test_a_real_slocum_dives_with_the_signs_that_it_is_told():
+    columns = ["m_depth", "c_pitch", "m_pitch", "c_ballast_pumped"]
+    log = SHARED / "slocum_unit334_2023" / "unit334_flight.parquet"
+    table = parquet.read_table(log, columns=columns)
+    depth, *others = (table[name].to_numpy() for name in columns)
+    rate = np.gradient(depth)
+    files = slocum_arguments(MISSION)
+    told = dict(re.findall(r"b_arg: (\w+)\(\w+\) +(\S+)", files["yo10.ma"]))
+    for letter, moving in (("d", rate > 0.5), ("c", rate < -0.5)):
+        for values, name in zip(others, ("pitch", "pitch", "bpump"), strict=True):
+            real = float(np.nanmedian(values[moving]))
+            assert real * float(told[f"{letter}_{name}_value"]) > 0.0
+
+
+def test_places_are_degrees_and_minutes_south_and_west_negative():
+    places = ({"latitude": 49.5, "longitude": -58.25}, {"latitude": -0.75, "longitude": 10.0})
+    texts = slocum_arguments(mission(targets=places))["goto_l10.ma"].splitlines()
+    start = texts.index("# longitude latitude") + 1
+    assert texts[start : start + 2] == ["-5815.0000 4930.0000", "1000.0000 -45.0000"]
+    first, second = targets_text(targets_of(mission(targets=places))).splitlines()
+    assert first == "T1 lat=4930.0000 lon=-5815.0000 radius=250 goto=T2"
+    assert second == "T2 lat=-45.0000 lon=1000.0000 radius=250 goto=T2"
+
+
 def test_a_dive_turns_above_the_floor_where_nobody_says_how_far():
     open_ended = mission(min_altitude_m=None, net_mass_kg=None)
     text = slocum_arguments(open_ended)["yo10.ma"]
@@ -160,6 +189,29 @@ def test_a_seaglider_s_commands_are_read_back_as_the_dive(tmp_path, pitch, mass)
     slow = commands | {"T_DIVE": 1.3 * commands["T_DIVE"]}
     (flatter,) = commanded(slow, targets, vehicle).segments
     assert flatter.pitch_deg < pitch
+
+
+def test_a_seaglider_s_commands_are_positive_for_a_heavy_dive():
+    said = commands_of(mission(**GLIDE), load_vehicle("seaglider"))
+    assert said["MAX_BUOY"] == pytest.approx(1e3 * SEGMENT.net_mass_kg)
+    assert min(said.values()) > 0.0
+    assert GLIDE["pitch_deg"] < said["GLIDE_SLOPE"] < GLIDE["pitch_deg"] + 10.0
+
+
+REAL = SHARED / "seaglider_apl_basestation3" / "p2490010.nc"
+
+
+@pytest.mark.skipif(not REAL.is_file(), reason=f"no real dive {REAL}")
+def test_a_real_seaglider_was_told_with_these_signs():
+    said = commands_of(mission(**GLIDE), load_vehicle("seaglider"))
+    with netCDF4.Dataset(REAL) as file:
+        for name, value in said.items():
+            assert float(file[f"log_{name}"][...]) * value > 0.0, name
+        text = str(netCDF4.chartostring(file["log_TGT_LATLONG"][:]))
+        fixed = float(file["log_gps_lon"][0])
+    latitude, longitude = (degrees("test", word) for word in text.split(","))
+    assert latitude == pytest.approx(47.0)
+    assert longitude * fixed > 0.0  # both west
 
 
 def test_dives_that_commands_cannot_say():

@@ -6,7 +6,9 @@ import math
 import numpy as np
 import pytest
 
+from glider_twin_ops.forecast.members import INTERVAL, draw_models, draw_water
 from glider_twin_ops.forecast.pool import (
+    CURRENT_PRIORS,
     FEWEST,
     FIELD,
     FILTER,
@@ -146,6 +148,47 @@ def test_a_tidal_fit_foretells_a_tide_once_it_has_seen_a_period():
 def test_a_tidal_fit_forgets_what_is_older_than_its_days():
     legs = legs_in(lambda time: np.stack([np.where(time < 3e5, 0.5, 0.1), 0.0 * time]), 60)
     np.testing.assert_allclose(tidal_fit(legs[:-1], legs[-1], 2.0), [0.1, 0.0], atol=1e-6)
+
+
+def drawn(pool, count):
+    """Currents of members after the pool's last dive, and their deviation at the start."""
+    water = draw_water(pool.filters[FILTER], 8.0 * HOUR, count, np.random.default_rng(0), 1e9)
+    found, deviation = draw_models(water, pool, np.random.default_rng(1))
+    return found.current, deviation
+
+
+@pytest.mark.parametrize("certain", [None, PERSISTENCE, FILTER])
+def test_drawn_currents_have_the_mean_and_the_variance_that_the_pool_states(certain):
+    """Of the whole mixture, and of one model alone: its heavy tails belong to its variance."""
+    priors = CURRENT_PRIORS if certain is None else {
+        name: Prior(1.0 if name == certain else 1e-9, one.scale)
+        for name, one in CURRENT_PRIORS.items()
+    }  # fmt: skip
+    legs = legs_in(tidal, 9, noise=0.02)
+    pool = CurrentPool(latitude=31.0, time=0.0, priors=priors)
+    for leg in legs:
+        pool.learn(leg)
+    current, deviation = drawn(pool, 120_000)
+    start = current[1:, 0]
+    assert start.var(axis=0).mean() == pytest.approx(deviation**2, rel=0.03)
+    assert start.mean(axis=0) == pytest.approx(current[0, 0], abs=4.0 * deviation / 120_000**0.5)
+
+
+def test_drawn_currents_are_those_of_their_time():
+    """Half an interval late, a tide would be off by 0.03 m/s."""
+    priors = {
+        name: Prior(1.0 if name == TIDE else 1e-9, one.scale)
+        for name, one in CURRENT_PRIORS.items()
+    }
+    pool = CurrentPool(latitude=31.0, time=0.0, priors=priors)
+    for leg in legs_in(tidal, 14):
+        pool.learn(leg)
+    assert pool.pool.weights[TIDE] > 0.95
+    current, _ = drawn(pool, 60)
+    time = pool.filters[FILTER].time + INTERVAL * np.arange(current.shape[1])
+    tide = tidal(time).T
+    found = np.median(current[1:] - current[1:, :1], axis=0)  # less each member's own error
+    np.testing.assert_allclose(found, tide - tide[0], atol=0.004)
 
 
 def run(legs, field=None, taught=1):

@@ -5,9 +5,11 @@ import math
 import numpy as np
 import pytest
 
+from glider_twin_ops.forecast.expected_dive import BOTH, STEADY, GroundPool
 from glider_twin_ops.forecast.members import (
     INTERVAL,
     draw_field_error,
+    draw_ground,
     draw_water,
     draw_ways,
     scaled_speed,
@@ -152,3 +154,52 @@ def test_members_go_as_dives_so_far_went_beside_how_they_were_sent():
     assert off[0] == pytest.approx(0.25 * apart)
     assert off[1:].mean(axis=0) == pytest.approx(0.25 * apart, abs=1e-3)
     assert np.cov(off[1:], rowvar=False) == pytest.approx(ahead.covariance, rel=0.05)
+
+
+def going(velocities, foretold):
+    """A pool of the ground after dives, and its forecast beside one of way and current [m/s]."""
+    rng, pool = np.random.default_rng(8), GroundPool()
+    covariances = np.array([0.05**2 * np.eye(2)])
+    for velocity, through in zip([*velocities, None], foretold, strict=True):
+        one, still = (
+            Mixture(names=("one",), weights=np.ones(1), means=np.array([mean]),
+                    covariances=covariances)
+            for mean in (through, (0.0, 0.0))
+        )  # fmt: skip
+        ahead = pool.expect(one, still)
+        if velocity is not None:
+            pool.learn(np.array(velocity) + 0.01 * rng.standard_normal(2))
+    return pool, ahead
+
+
+def test_a_glider_that_goes_on_over_ground_is_forecast_so_and_only_then():
+    """The last three dives' velocity gains the weight where way and current foretell another."""
+    steady, ahead = going([(0.2, 0.1)] * 12, [(0.1, 0.3)] * 13)
+    assert steady.pool.weights[STEADY] > 0.95
+    assert ahead.mean == pytest.approx([0.2, 0.1], abs=0.02)
+    turns = [(0.3, 0.0), (-0.3, 0.0)] * 6
+    turning, ahead = going(turns, [*turns, (0.3, 0.0)])
+    assert turning.steady == pytest.approx([-0.1, 0.0], abs=0.02)
+    assert turning.pool.weights[STEADY] < 0.05
+    assert ahead.mean == pytest.approx([0.3, 0.0], abs=0.03)
+
+
+def test_members_go_over_ground_as_the_last_dives_by_the_weight_of_that():
+    pool, _ = going([(0.2, 0.1)] * 3, [(0.22, 0.05)] * 4)
+    count, flown = 200_000, np.array([0.25, 0.0])
+    course = np.zeros((count, 3, 2))
+    course[1:, :, 0] = 0.01 * np.where(np.arange(1, count) % 2, 1.0, -1.0)[:, None]
+    found, part = draw_ground(course, flown, pool, np.random.default_rng(9))
+    assert part == pool.pool.weights[STEADY]
+    assert 0.05 < part < 0.95
+    freedom = pool.pool.freedom
+    heavy = freedom / (freedom - 2.0)
+    moved = found[1:, 0, 1] != 0.0
+    both = found[1:][~moved][:, 0, 0]  # the others, as wide as the mixture has them
+    assert both.var() == pytest.approx(heavy * (0.01 * pool.pool.scales[BOTH]) ** 2, rel=0.01)
+    assert moved.mean() == pytest.approx(part, abs=0.01)
+    assert found[0] == pytest.approx(np.tile(part * (pool.steady - flown), (3, 1)))
+    assert found[1:][moved][:, 0].mean(axis=0) == pytest.approx(pool.steady - flown, abs=2e-3)
+    variance = heavy * pool.pool.scales[STEADY] ** 2
+    assert found[1:][moved][:, 0].var(axis=0) == pytest.approx([variance] * 2, rel=0.05)
+    assert (found[1:][moved] == found[1:][moved][:, :1]).all()  # for as long as they fly

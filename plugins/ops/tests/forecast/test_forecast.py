@@ -523,8 +523,8 @@ def test_a_plan_that_is_over_before_the_hours_is_said(steps, tmp_path):
 
 def test_dives_deeper_than_the_vehicle_is_built_for_are_warned_of():
     for name, depth, says in (
-        ("slocum-200", 300.0, "dives to 300 m, and slocum-200 is built for 200 m"),
-        ("slocum-1000", 300.0, ""), ("glider", 1500.0, ""), ("glider", 5000.0, 'e="rated_depth"'),
+        ("slocum-200", 240.0, "dives to 240 m, and slocum-200 is built for 200 m"),
+        ("slocum-1000", 300.0, ""), ("glider", 1500.0, ""), ("glider", 1700.0, 'e="rated_depth"'),
     ):  # fmt: skip
         notes = asked(vehicle=load_vehicle(name), mission=goes_to(depth=depth)).notes()
         assert len(notes) == bool(says), (name, depth)
@@ -536,6 +536,20 @@ def test_dives_deeper_than_the_vehicle_is_built_for_are_warned_of():
     assert asked(vehicle=own, mission=goes_to(depth=5000.0)).notes() == ()
     with pytest.raises(VehicleError, match="rated_depth"):
         load_vehicle("spray").replace(rated_depth=0.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "depth", "limit"), [("slocum-200", 241.0, 240), ("glider", 5e4, 1800)]
+)
+def test_dives_far_deeper_than_that_are_refused_in_a_line(name, depth, limit, capsys):
+    mission = goes_to(depth=depth)
+    with pytest.raises(MissionError, match=rf"dives to {depth:g} m, .* 1.2 times that, {limit} m"):
+        asked(vehicle=load_vehicle(name), mission=mission)
+    start = ["--vehicle", name, "--from", "36.8,-122.4,2026-11-22T12:00", "--depth", f"{depth:g}"]
+    for words in (["forecast", "--goto", "37,-122.4"], ["route", "--to", "37,-122.4"]):
+        assert PROGRAM.main([*words, *start]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert f"times that, {limit} m" in line
 
 
 def test_logs_without_fixes_are_refused(store):

@@ -106,6 +106,11 @@ def test_of_the_surfacing_rivals_go_the_plain_way(found):
         off, missed = np.array(one.legs[k].leg.over_ground) - plain, surfacing.surfacing.missed
         np.testing.assert_allclose(missed["no_current"], off, atol=1e-6)
         np.testing.assert_allclose(missed["persistence"], off - lasted * last.current, atol=1e-6)
+        over = lasted * np.mean(
+            [np.array(leg.over_ground) / leg.duration for leg in before], axis=0
+        )
+        ended = np.array(one.legs[k].leg.over_ground)
+        np.testing.assert_allclose(missed["over_ground"], ended - over, atol=1e-6)
 
 
 def test_a_forecast_knows_nothing_of_what_comes_after(found):
@@ -172,6 +177,18 @@ def test_two_deployments_are_scored_together(found):
     assert both.coverage_90 == found.surfacing.coverage_90
 
 
+def test_one_rival_stands_for_all_deployments(store, drifted, found, alone):
+    both = hindcast([store, drifted])
+    for which in ("surfacing", "current"):
+        together = getattr(both, which)
+        parts = [getattr(one, which) for one in both.deployments]
+        assert {one.rival for one in parts} == {together.rival}
+        for one in parts:
+            assert one.ratio == pytest.approx(one.mean["forecast"] / one.mean[together.rival])
+    own = {one.current.rival for one in (found, alone)}
+    assert own != {both.current.rival}  # alone, one of them has another
+
+
 def test_a_method_with_fewer_segments_is_no_rival(found):
     some = []
     for k, one in enumerate(judged(found)):
@@ -213,7 +230,7 @@ def test_the_command_says_the_figures_by_their_names(store, tmp_path, capsys):
     words = ["hindcast", str(store), "--train-fraction", "0.3", "--json", "--out", str(out)]
     assert PROGRAM.main(words) == 0
     said = json.loads(capsys.readouterr().out)
-    methods = {"forecast", "persistence", "tide", "no_current", "onboard"}
+    methods = {"forecast", "over_ground", "persistence", "tide", "no_current", "onboard"}
     assert methods == {*METHODS}
     for one in (said, *said["deployments"]):
         for which in ("surfacing", "current"):
@@ -251,8 +268,8 @@ def test_members_know_nothing_of_what_comes_after(store, tmp_path):
         legs = legs_of(logs, logs.deployments[0])
     told = []
 
-    def flown(before, one, pool, ways, duration, reach):
-        told.append((len(before), pool.filters[FILTER].time))
+    def flown(before, one, models, duration, reach):
+        told.append((len(before), models.pool.filters[FILTER].time))
         return np.zeros(2), np.eye(2)
 
     walk(legs, train=len(legs) - 1, flown=flown)

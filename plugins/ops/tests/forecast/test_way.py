@@ -19,7 +19,7 @@ from glider_twin_ops.forecast.expected_dive import (
     WayPool,
     guided_way,
     middle,
-    plain_velocity,
+    plain_way,
 )
 from glider_twin_ops.forecast.logged_leg import REPORTED, DiveTime, dive_times, usual_duration
 from glider_twin_ops.forecast.member_flights import MemberFlight
@@ -74,11 +74,14 @@ def test_a_current_that_is_too_strong_is_leaned_into_as_far_as_it_goes():
     assert math.hypot(north, east) == pytest.approx(0.25 * HOUR)
 
 
-def test_the_plain_way_is_the_mean_speed_toward_the_first_waypoint():
+def test_rivals_know_the_list_of_waypoints():
+    """At the mean speed of the last three dives, 0.3 m/s; without a list as the last one went."""
     before = [leg((720.0, 0.0)), leg((0.0, 1080.0)), leg((900.0, 0.0)), leg((0.0, 1260.0))]
-    plain = plain_velocity(before, [(-3e3, 0.0), (5.0, 9.0)])
-    assert plain == pytest.approx((-(0.3 + 0.25 + 0.35) / 3.0, 0.0))
-    assert plain_velocity(before, ()) == pytest.approx((0.0, (0.3 + 0.25 + 0.35) / 3.0))
+    plain = plain_way(before, [(-500.0, 0.0), (-480.0, 3e3)], HOUR)
+    assert plain == pytest.approx((-480.0, 600.0), abs=5.0)  # 20 m before the first it turns
+    assert plain_way(before, (), HOUR) == pytest.approx((0.0, 1080.0))
+    still = [leg((0.0, 0.0))]
+    assert plain_way(still, (), HOUR) == pytest.approx((0.0, 0.0))
 
 
 def test_the_way_to_waypoints_is_believed_where_dives_went_it():

@@ -61,6 +61,21 @@ def test_a_thruster_hides_the_glide_but_not_the_hull():
     assert told[PLACE["air"]] == pytest.approx(math.log((101_325.0 - 2.5e4) / 283.15))
 
 
+def test_a_pump_works_against_the_sea_and_the_vacuum_inside():
+    """100 cm3 at 100 m against 1 MPa and 50 kPa are 105 J; 210 J are twice that."""
+    volume = np.clip(np.arange(150.0) - 20.0, 0.0, 100.0)
+    stroke = np.diff(volume, prepend=0.0) > 0.0
+    signals = {
+        "measured_depth": np.full(150, 100.0),
+        "measured_pump": volume,
+        "measured_vacuum": np.full(150, 5e4),
+        "measured_pump_power": np.where(stroke, 2.1, 0.0),
+    }
+    found = channels_of(DiveSignals(period=1.0, signals=signals), None)
+    assert found[PLACE["pump_work"]] == pytest.approx(math.log(2.0))
+    assert found[PLACE["pump_rate"]] == pytest.approx(0.0)  # 1 cm3/s
+
+
 def test_an_alarm_stands_until_no_fault_is_as_likely():
     odds = np.array([-5.0, 4.0, 2.0, 4.0, 3.5, 1.0, -0.5, 2.0, -0.5, -0.5, 3.5, 3.5])
     assert rings(odds, 3.0) == [(4, 8), (11, 11)]

@@ -9,15 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 from browser import Browser, needs_browser
+from matplotlib.quiver import QuiverKey
 from matplotlib.text import Annotation
 
 from factory.samples import Flight
 from factory.samples.gliders import write_slocum
-from glider_twin_ops.pages.figures import CLOSE, track_figure
+from glider_twin_ops.pages.figures import mail_figure, track_figure
 from glider_twin_ops.pages.morning_page import SHOWN
 from glider_twin_ops.watching import one_pass
 from glider_twin_ops.watching.morning import Morning
-from twin.geodesy import offset
+from twin.geodesy import great_circle, offset
 
 FLIGHT = Flight(dives=6, depth=80.0)
 AMPERES, VOLTS, KWH, SPENT_AH = 0.25, 14.5, 5.0, 5.0
@@ -82,8 +83,8 @@ def test_the_verdict_comes_first(page):
     assert 4 <= len(others) <= 9
     fix = page.latest["last_fix"]
     moment = fix["time"][:16].replace("T", " ")
-    place = f"last fix {moment} UTC at {fix['latitude']:.4f}, {fix['longitude']:.4f}"
-    assert place in page.html.partition("<h2>")[0]
+    place = f"{moment} UTC at {fix['latitude']:.4f}, {fix['longitude']:.4f}"
+    assert f"<dt>last fix</dt><dd>{place}</dd>" in page.html.partition("<h2>")[0]
 
 
 def test_where_and_when_next_with_ellipses(page):
@@ -103,16 +104,16 @@ def test_where_and_when_next_with_ellipses(page):
 
 
 def test_track_and_currents(page):
-    assert page.section("Track and currents").count("data:image/png") == 3
+    assert page.section("Track and currents").count("data:image/png") == 2
     north, east = np.mean([one.leg.current for one in page.told.legs], axis=0)
     # the way through the water is that of a vehicle that is not the one that dived
     assert (north, east) == pytest.approx((FLIGHT.north, FLIGHT.east), abs=0.05)
     assert page.latest["current"] == pytest.approx(page.told.legs[-1].leg.current)
 
 
-def test_the_map_has_the_numbers_of_surfacings_and_where_it_goes(page):
+def test_the_picture_for_e_mail_has_the_numbers_of_surfacings_and_where_it_goes(page):
     found = page.told.surfacings
-    (axes,) = track_figure(page.told.legs[-CLOSE:], found).axes
+    (axes,) = mail_figure("verdict", ["words"], page.told.legs, found).axes
     told = {one.get_text(): one.xy for one in axes.texts if isinstance(one, Annotation)}
     for one in found.surfacings:
         assert told[f"{one.number}"] == pytest.approx((one.longitude, one.latitude))
@@ -124,7 +125,63 @@ def test_the_map_has_the_numbers_of_surfacings_and_where_it_goes(page):
     assert (north, east) == pytest.approx(
         (np.clip(wanted[0], south, top), np.clip(wanted[1], low, high)), abs=1e-4
     )
-    assert len(track_figure(page.told.legs).axes[0].lines) > len(page.told.legs)
+
+
+def test_places_can_be_read_off_the_map_and_arrows_have_a_scale(page):
+    axes = track_figure(page.told.legs).axes[0]
+    assert len(axes.lines) > len(page.told.legs)
+    for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        minutes = float(re.search(r"ticks of ([\d.]+)", axis.get_label_text())[1])
+        ticks = axis.get_minor_locator()()
+        assert len(ticks) >= 8, ticks
+        assert np.diff(ticks) == pytest.approx(minutes / 60.0)
+        assert low <= ticks[0] < ticks[-1] <= high
+    (key,) = (one for one in axes.artists if isinstance(one, QuiverKey))
+    speeds = [np.hypot(*one.leg.current) for one in page.told.legs]
+    assert 0.3 * max(speeds) < key.U <= max(speeds)
+    assert key.label == f"current {key.U:g} m/s"
+
+
+def test_the_dives_are_in_a_table_the_newest_first(page):
+    numbers = [int(n) for n in re.findall(r"<tr[^>]*><td>(\d+)</td>", page.section("Dives"))]
+    assert numbers == sorted(page.told.dives, reverse=True)
+    begin, end = FLIGHT.dive_times(FLIGHT.dives - 1)
+    last = page.latest["dive_table"][-1]
+    assert last["begin"] == pytest.approx(begin, abs=160.0)  # the fix before it
+    assert (last["depth"], last["yos"]) == (pytest.approx(FLIGHT.depth, abs=1.0), 1)
+    assert last["hours"] == pytest.approx((end - begin) / 3600.0, rel=0.2)
+    metres = np.hypot(*FLIGHT.displacement(last["begin"], last["begin"] + 3600.0 * last["hours"]))
+    assert last["km"] == pytest.approx(metres / 1e3, rel=0.03)
+    assert last["speed"] == pytest.approx(1e3 * last["km"] / last["hours"] / 3600.0)
+    assert last["current"] == pytest.approx(page.latest["current"])
+
+
+def test_the_waypoint_its_distance_and_the_readings_come_first(page):
+    top = page.html.partition("<h2>")[0]
+    way, fix = page.latest["waypoint"], page.latest["last_fix"]
+    assert (way["latitude"], way["longitude"]) == pytest.approx([float(x) for x in NEXT.split(",")])
+    away = great_circle(fix["latitude"], fix["longitude"], way["latitude"], way["longitude"])
+    assert way["km"] == pytest.approx(away / 1e3, rel=5e-3)  # of a sphere
+    assert f"{way['km']:.1f} km towards {way['bearing']:03.0f}" in top
+    reading = next(one for one in page.latest["readings"] if one["what"] == "battery")
+    assert (reading["value"], reading["unit"]) == (pytest.approx(VOLTS), "V")
+    assert FLIGHT.time[-1] - reading["time"] < 600.0
+    assert f"<dt>battery</dt><dd>{VOLTS:.4g} V" in top
+
+
+@needs_browser
+def test_a_phone_shows_the_next_position_without_scrolling(page):
+    with Browser(390, 844) as browser:
+        for scheme in ("light", "dark"):
+            browser.prefer(prefers_color_scheme=scheme)
+            browser.open(page.folder / "index.html")
+            words = "document.querySelector('.next .{}')"
+            for name in ("where", "when", "within"):
+                here = words.format(name)
+                assert browser.run(f"{here}.textContent").strip()
+                assert browser.run(f"{here}.getBoundingClientRect().bottom") < 844
+            assert browser.problems == []
+        assert all(one.startswith(("file:", "data:")) for one in browser.requests)
 
 
 @needs_browser
@@ -134,7 +191,7 @@ def test_no_figure_is_wider_than_a_phone(page):
         assert browser.run("document.documentElement.scrollWidth") <= 390
         wide = "[...document.querySelectorAll('.pair img')].map(one => one.offsetWidth)"
         widths = browser.run(wide)
-        assert len(widths) >= 3
+        assert len(widths) >= 2
         assert max(widths) <= 390
 
 

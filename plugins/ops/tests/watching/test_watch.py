@@ -22,18 +22,15 @@ from glider_twin_ops.forecast import LoggedLeg, NoticeBox, legs_of, mission_to, 
 from glider_twin_ops.health import CHANNELS, DeploymentHealth, KindVerdict
 from glider_twin_ops.health.judgement import follow
 from glider_twin_ops.watching import SurfaceDialogue, WatchedDeployment, one_pass, watch_pass
+from glider_twin_ops.watching.changes import _moved, apart, news, surfaced
 from glider_twin_ops.watching.expected_plan import _onward, proposed_files
 from glider_twin_ops.watching.log_of_files import LOG, content_of, log_of_files
 from glider_twin_ops.watching.morning import Morning, morning
 from glider_twin_ops.watching.watch_pass import (
     BELIEFS,
     PARTS,
-    _moved,
     alone,
-    apart,
-    news,
     noticed,
-    surfaced,
 )
 from glider_twin_protocols.auv_samples import write_mat
 from twin import load_vehicle
@@ -571,7 +568,8 @@ def test_levels_that_moved_are_news(nothing):
     )  # fmt: skip
     was = json.loads(json.dumps(before.describe()))
     assert news(was, same) == ["No new dive"]
-    assert any("rate_dive" in said and "0.3" in said for said in news(was, after))
+    (moved,) = (said for said in news(was, after) if "sinks" in said)
+    assert moved.startswith("In dives it sinks 42.9 % faster than ")
     assert news(None, after) == []
     assert apart(0.001, 0.3) == ("0.001", "0.3")
     assert apart(5.581, 5.5834) == ("5.581", "5.583")

@@ -87,6 +87,28 @@ def test_every_figure_has_units_on_its_axes(trajectory, name):
         check_units(draw_figure(trajectory, name, tracks=dead_reckoned(trajectory)))
 
 
+@pytest.mark.parametrize("sideways", [False, True])
+def test_an_overview_has_a_current_over_time_where_it_changes_sideways(trajectory, sideways):
+    """Against depth it would be a zigzag; uniform water and water of layers are a profile."""
+    time = trajectory.time / trajectory.time[-1]
+    depth = 30.0 * np.abs(np.sin(12.0 * time))  # four dives
+    current = 0.1 * np.cos(6.0 * time) if sideways else 0.1 * np.exp(-depth / 30.0)
+    signals = {"true_current_north": current, "true_current_east": 0.0 * current}
+    signals["true_depth"] = depth
+    changed = dataclasses.replace(trajectory, signals={**trajectory.signals, **signals})
+    (axes,) = (
+        axes for axes in draw_figure(changed, "overview").axes
+        if "current met on the way" in (axes.get_title(), axes.get_title("left"))
+    )  # fmt: skip
+    horizontal, vertical = axes.get_xlabel(), axes.get_ylabel()
+    if sideways:
+        assert horizontal.startswith("time")
+        assert vertical == "current [m/s]"
+    else:
+        assert horizontal == "current [m/s]"
+        assert vertical.startswith("depth")
+
+
 @pytest.mark.parametrize("name", WITH_TRACKS)
 @pytest.mark.parametrize("count", [1, 2, 10])
 def test_the_names_of_tracks_stay_inside_the_page(trajectory, name, count):
@@ -134,6 +156,7 @@ def test_a_section_shows_a_floor_that_is_near(trajectory):
         axes = section_figure(above).axes[0]
         (ground,) = (c for c in axes.collections if len(c.get_facecolor()))
         assert ground.get_paths()[0].vertices[:, 1].min() == pytest.approx(floor)
+        assert max(ground.get_linewidths()) == 0.0  # an edge would raise the floor
         return axes.get_ylim()[0]
 
     plain = section_figure(trajectory).axes[0].get_ylim()[0]

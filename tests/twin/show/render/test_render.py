@@ -34,6 +34,7 @@ from twin.show.render.canvas import (
 )
 from twin.show.render.film import save_still, still
 from twin.show.render.painter import Painter
+from twin.show.render.ribbon import ArrowProfile, ladder
 from twin.show.render.shapes import GLIDER_GROUPS
 from twin.show.render.subject import CAMERAS, Shot, read_subject
 
@@ -188,6 +189,17 @@ def test_a_wing_is_missing_from_when_it_is_lost(subject, tmp_path):
 
 
 @needs_gl
+@pytest.mark.parametrize(("heading", "start"), [(0.0, (0.2, 3.0)), (90.0, (3.0, -0.2))])
+def test_arrows_beside_the_glider_point_where_the_water_goes(heading, start):
+    """They begin 3 m to port and 0.2 m ahead; the axes of a picture are north, west and up."""
+    eastward = ArrowProfile(depth=np.array([0.0, 99.0]), velocity=np.array([[0.0, 0.2]] * 2))
+    found = ladder(eastward, 50.0, np.radians(heading), 51.5)
+    assert [depth for depth, _, _ in found] == [48.0, 49.0, 50.0, 51.0]
+    for depth, place, arrow in found:
+        np.testing.assert_allclose(place, [*start, 50.0 - depth], atol=1e-9)
+        np.testing.assert_allclose(arrow, [0.0, -1.0, 0.0], atol=1e-9)
+
+
 def test_the_close_up_shows_the_glider_large(subject):
     shot = Shot(width=640, height=360, hud=False)
     with Painter(subject, shot, np.array([200.0])) as painter:

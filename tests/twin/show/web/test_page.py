@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import re
+from collections import Counter
 from typing import Any
 
 import mujoco
@@ -29,7 +30,7 @@ from twin.show.render.playback import poses
 from twin.show.render.subject import Shot, Subject
 from twin.show.web.channels import read_channels, thin
 from twin.show.web.page import LARGEST, ROWS, describe, page_text
-from twin.show.web.solid import pack, read_solid, smooth_normals
+from twin.show.web.solid import lathe, pack, read_solid, smooth_normals
 from twin.vehicle.presets import vehicle_names
 from twin.vehicle.vehicle import load_vehicle
 
@@ -223,6 +224,20 @@ def test_normals_are_smooth_on_a_round_side_and_sharp_at_an_edge():
     np.testing.assert_allclose(
         normals[72:], np.broadcast_to([0.0, 0.0, 1.0], (36, 3, 3)), atol=1e-9
     )
+
+
+def test_a_turned_body_is_closed_and_of_its_volume():
+    """Each edge, both ways once, is of two triangles; the volume by the divergence theorem."""
+    arc = np.linspace(0.0, np.pi, 41)
+    corners = lathe(np.stack([np.sin(arc), np.cos(arc)], axis=-1))
+    a, b, c = corners.swapaxes(0, 1)
+    volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0
+    assert volume == pytest.approx(4.0 / 3.0 * np.pi, rel=0.02)
+    places = np.unique(np.rint(corners.reshape(-1, 3) * 1e6), axis=0, return_inverse=True)[1]
+    triangles = places.reshape(-1, 3)
+    edges = Counter(pair for t in triangles.tolist() for pair in zip(t, t[1:] + t[:1], strict=True))
+    assert set(edges.values()) == {1}
+    assert all((last, first) in edges for first, last in edges)
 
 
 def test_a_lost_wing_is_a_body_that_ends():
