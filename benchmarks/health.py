@@ -1,7 +1,7 @@
 """Health: fault detection on simulated deployments, by the twin and by simple rivals.
 
     python -m benchmarks.health --vehicle slocum-200 --each 8 --sound 16 --seed 201 --keep FILE
-    python -m benchmarks.health --judge FILE [FILE ...] [--taught FILE ...] [--thresholds]
+    python -m benchmarks.health --judge FILE [FILE ...] [--taught FILE ...]
 
 The first command flies deployments in the batched engine with the errors of preset `faulty`, and
 keeps the channels of their dives, a line for each deployment. The second prints how faults were
@@ -34,12 +34,11 @@ from benchmarks import command
 from benchmarks.command import markdown
 from factory.generation.executors import local_pool
 from glider_twin_ops.health.assessment import DeploymentHealth, flown_signatures, judged
-from glider_twin_ops.health.channels import CHANNELS, NAMES, standing
+from glider_twin_ops.health.channels import NAMES
 from glider_twin_ops.health.deployment_dives import told_by
 from glider_twin_ops.health.fault_detector import FaultDetector
-from glider_twin_ops.health.judgement import follow, sure, threshold_of
-from glider_twin_ops.health.judgement import judge as weigh
-from glider_twin_ops.health.signatures import TypicalDive, usual_dive
+from glider_twin_ops.health.judgement import RARE, sure, threshold_of
+from glider_twin_ops.health.signatures import TypicalDive
 from glider_twin_ops.presets.deployment import DeploymentDraw, DeploymentPlan, faulty_of
 from glider_twin_ops.presets.deployments import (
     CHUNK,
@@ -101,6 +100,7 @@ def _flown(job: tuple[DeploymentPlan, Sequence[DeploymentDraw], Path | None]) ->
             **one, "values": one["values"].tolist(), "time": one["time"].tolist(),
             "ways": one["ways"].tolist(), "dive": dataclasses.asdict(one["dive"]),
             "changes": one["changes"].tolist(), "wander": one["wander"].tolist(),
+            "tests": list(map(bool, one["tests"])), "powered": list(map(bool, one["powered"])),
             "vehicle": plan.vehicle.name, "preset": plan.preset, "truth": truth, "onset": onset,
             "fault": json.loads(fault),
         }
@@ -157,6 +157,8 @@ class Alarms(NamedTuple):
     also: Sequence[str] = ()
     since: int | None = None
     """Index of the dive at which the fault began, by the detector"""
+    probability: float = math.nan
+    """Probability of the alarm that stands after the last dive; NaN without one"""
 
 
 class Judged(NamedTuple):
@@ -192,15 +194,16 @@ def judged_case(case: Case, detector: FaultDetector | None = None) -> Judged:
     one = judged(
         case["name"], case["numbers"], values, np.array(case["time"]), np.array(case["ways"]),
         TypicalDive(**case["dive"]), vehicle, threshold_of(RATE),
-        changes=np.array(case["changes"]) if "changes" in case else None,
-        wander=np.array(case["wander"]) if "wander" in case else None,
+        changes=np.array(case["changes"]), wander=np.array(case["wander"]),
+        tests=case["tests"], powered=case["powered"],
     )  # fmt: skip
     alarms = {name: Alarms(_chart(values, channels), "") for name, channels in CHARTS.items()}
     alarms[OURS] = Alarms(sure(one.evidence), "")
     if one.kinds:
         best = one.kinds[0]
         since = None if best.since_dive is None else one.dives.index(best.since_dive)
-        alarms[OURS] = Alarms(sure(one.evidence), best.kind, best.also, since)
+        standing = one.probability if one.alarm else math.nan
+        alarms[OURS] = Alarms(sure(one.evidence), best.kind, best.also, since, standing)
     if detector is not None:
         odds, named = detector.judge(values)
         alarms[LEARNED] = Alarms(odds, named[-1])
@@ -415,39 +418,6 @@ def of_confusion(ones: Sequence[Judged], name: str, level: float) -> str:
     return markdown(["fault", "called"], rows)
 
 
-def by_law(count: int = 400, dives: int = 40, seed: int = 0) -> list[Judged]:
-    """Sample sound deployments of a Slocum with the noise that `CHANNELS` states.
-
-    Channels are random walks with normal noise; eight dives a day on one heading. Simulated
-    deployments have less noise in most channels, real ones do not.
-    """
-    vehicle, rng = _vehicle("slocum-200"), np.random.default_rng(seed)
-    shape, days = usual_dive(vehicle), np.arange(dives) / 8.0
-    hypotheses = flown_signatures(vehicle, shape).in_dives(np.full((dives, 2), 0.2))
-    walk, noise = (np.array([getattr(c, name) for c in CHANNELS]) for name in ("walk", "noise"))
-    found = []
-    for _ in range(count):
-        steps, noises = rng.standard_normal((2, dives, len(CHANNELS)))
-        levels = follow(np.cumsum(walk * steps, axis=0) + noise * noises)
-        odds = weigh(levels, days, hypotheses, standing(np.full((dives, 2), 0.2), days)).evidence
-        found.append(Judged({}, days, None, None, {OURS: Alarms(sure(odds), "")}))
-    return found
-
-
-def of_levels(ones: Sequence[Judged], rates: Sequence[float]) -> str:
-    """Table of the levels for one false alarm in each of these numbers of days."""
-    rows, drawn = [], by_law()
-    for days in rates:
-        row = [f"{days:g}"]
-        for sound in (ones, drawn):
-            level = level_of(sound, OURS, days)
-            alarms, at_risk = sound_days(sound, OURS, level)
-            row += [f"{level:.2f}", str(alarms), f"{at_risk:.0f}"]
-        rows.append(row)
-    told = ["level", "alarms", "days"]
-    return markdown(["one in days", *told, *(f"{word} by the law" for word in told)], rows)
-
-
 def of_rates(ones: Sequence[Judged]) -> str:
     """Table of both detectors at equal false-alarm rates on these deployments."""
     rows = []
@@ -459,6 +429,43 @@ def of_rates(ones: Sequence[Judged]) -> str:
             rows.append([name, f"{RATE * alarms / days:.2f}", found["in time"], found["noticed"],
                          found["named"], onset])  # fmt: skip
     return markdown(["detector", "in 30 d", *COUNTED[2:]], rows)
+
+
+BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+"""Edges of the probabilities of standing alarms"""
+
+
+def weights(ones: Sequence[Judged]) -> Array:
+    """Weight of each deployment, with which a fault begins once in `RARE` dives of all."""
+    faulty = np.array([one.onset is not None for one in ones])
+    due = sum(len(one.days) for one in ones) / RARE
+    return np.where(faulty, due / max(int(faulty.sum()), 1), 1.0)
+
+
+def true_alarm(one: Judged) -> bool:
+    """True where the fault had begun and is named, alone or with others."""
+    says = one.alarms[OURS]
+    at = one.first(OURS, threshold_of(RATE))
+    begun = one.onset is not None and at is not None and at >= one.onset
+    return begun and one.case["truth"] in (says.kind, *says.also)
+
+
+def of_probabilities(ones: Sequence[Judged]) -> str:
+    """Standing alarms by their probability, and the part of them that is true."""
+    said = np.array([one.alarms[OURS].probability for one in ones])
+    true, weight = np.array([true_alarm(one) for one in ones]), weights(ones)
+    rows = []
+    for low, high in itertools.pairwise(BINS):
+        inside = (said > low) & (said <= high)
+        if inside.any():
+            mine = weight[inside]
+            rows.append([
+                f"{low:.1f} to {high:.1f}", int(inside.sum()), int(true[inside].sum()),
+                f"{np.average(said[inside], weights=mine):.2f}",
+                f"{np.average(true[inside], weights=mine):.2f}",
+            ])  # fmt: skip
+    head = ["probability", "alarms", "true", "mean probability", "part that is true"]
+    return markdown(head, rows)
 
 
 def load(paths: Sequence[Path]) -> list[Case]:
@@ -480,7 +487,6 @@ def main(
     stores: Path | None = None,
     judge: tuple[Path, ...] = (),
     taught: tuple[Path, ...] = (),
-    thresholds: bool = False,
 ) -> None:
     """Fly and keep deployments, or print the tables.
 
@@ -492,7 +498,6 @@ def main(
       stores: folder that keeps the logs, so that none flies twice.
       judge: kept files to judge, without flying.
       taught: kept files of training deployments.
-      thresholds: print levels by false alarms.
     """
     cases = load(judge)
     for name in vehicle if not judge else ():
@@ -517,15 +522,12 @@ def main(
         for half, other in zip(halves, others, strict=True)
         for case in half
     ]
-    if thresholds:
-        print(of_levels(ones, (3.0, 10.0, 30.0, 100.0, 300.0)))
-        return
     level = threshold_of(RATE)
     tables = {
         "kinds": of_kinds(ones, level), "vehicles": of_vehicles(ones, level),
         "kinds_by_vehicle": of_both(ones, level),
         "detectors": of_detectors(ones, teachers, level), "sizes": of_sizes(ones, level),
-        "confusion": of_confusion(ones, OURS, level),
+        "confusion": of_confusion(ones, OURS, level), "probabilities": of_probabilities(ones),
     }  # fmt: skip
     if detector is not None:
         named_at = level_of(teachers, LEARNED, RATE)

@@ -222,6 +222,7 @@ FAULTS: Registry[Any] = Registry(
         "pitch_slips": "twin.faults.drives:PitchSlips",
         "blade_lost": "twin.faults.hull:BladeLost",
         "compass_iron": "twin.faults.instruments:CompassIron",
+        "compass_turned": "twin.faults.instruments:CompassTurned",
         "pressure_drift": "twin.faults.instruments:PressureDrift",
         "altimeter_blind": "twin.faults.instruments:AltimeterBlind",
         "ctd_clogged": "twin.faults.instruments:CtdClogged",

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from factory.generation import StorePart, Summary, Watcher
     from factory.sampling import Recipe
 
-DEPLOYMENTS, DEPLOYMENTS_BY_SATELLITE = "faulty", "faulty-satellite"
-"""Presets of deployments; the names of both begin with the first name."""
+DEPLOYMENTS = "faulty", "piloted"
+"""Presets of deployments, and with -satellite behind the name of what a satellite sends."""
 DEFAULT_OUT = Path("data/missions.zarr")
 MOST_NAMED = 8
 """Most differing arrays of a reference set that are named; the others are counted."""
@@ -42,14 +42,15 @@ class Generate(EngineOption, JsonOption):
 
     hours: Hours | None = None
     """simulated time of all missions together, such as 10 (hours), 90min or 2d [default: 10];
-    preset faulty makes whole deployments with at least this time together [default: 240]"""
+    presets faulty, piloted make whole deployments of at least this time together [default: 240]"""
     preset: str = "paper"
     """paper: noise-free, constant current; with a propeller: still water, the paper's instruments.
     field: sensor errors, sheared and tidal currents, changed vehicles, GPS at the surface.
     family: as field, with vehicles far from their file and longer missions.
     paper-test: the paper's three test missions of a glider.
     faulty: a glider's deployments of 20 to 60 dives as imported logs, half with a labelled fault.
-    faulty-satellite: as faulty, but only the data sent by satellite (see docs/howto/health.md)"""
+    piloted: as faulty, with a pilot who changes settings, and with gaps in the log.
+    faulty-satellite, piloted-satellite: only the data sent by satellite (docs/howto/health.md)"""
     seed: int = 0
     """root of every random draw"""
     out: StoreArgument = DEFAULT_OUT
@@ -173,7 +174,8 @@ class Generate(EngineOption, JsonOption):
         from factory.sampling import PRESETS, check_room, make_recipe, read_changes
 
         if self.preset not in PRESETS:
-            presets = [*PRESETS, DEPLOYMENTS, DEPLOYMENTS_BY_SATELLITE]
+            satellite = (f"{name}-satellite" for name in DEPLOYMENTS)
+            presets = [*PRESETS, *DEPLOYMENTS, *satellite]
             raise InputError(unknown_name("preset", self.preset, presets))
         # no check for a resumed store, which may be nearly complete, nor for an object storage
         if self.hours is not None and not self.resume and isinstance(self.out, Path):

@@ -76,6 +76,36 @@ class CompassIron(Fault):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class CompassTurned(Fault):
+    """A compass turned as a whole: moved in its mount, or with the declination of another place."""
+
+    kind = "compass_turned"
+    says = "the compass is turned as a whole"
+    size_name = "degrees"
+    unit = "degree"
+    sizes = (5.0, 15.0)
+    signed = True
+    most = 90.0
+    source = "ours: a mount turned by a bolt's play, or the declination of a place far away"
+    shows = "currents that seem to turn with the heading, on every heading alike"
+    otherwise = "a speed through the water that is off, if all legs have one heading"
+    find_out = "fly legs on three headings with fixes between them, and compare"
+
+    degrees: float = 8.0
+    """[degree] Reading less heading, on every heading"""
+
+    def expected(self, way: Array) -> Mapping[str, Array]:
+        """Apparent current: the wrong heading turns the velocity through the water."""
+        north, east = math.radians(1.0) * way.T
+        return {"current_north": east, "current_east": -north}
+
+    def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
+        """Turn the heading; nothing without a compass. Guidance does not read it."""
+        heading = signals.get("measured_heading")
+        return {} if heading is None else {"measured_heading": np.mod(heading + size, 360.0)}
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class PressureDrift(Fault):
     """A pressure sensor whose reading grows by the day, equally at every depth."""
 

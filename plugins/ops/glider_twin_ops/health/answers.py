@@ -38,6 +38,7 @@ from twin.identify import (
     centred,
     choose,
     gliding,
+    identified,
     load_calibration,
     load_logs,
     start_vehicle,
@@ -114,8 +115,9 @@ def follow_parameters(
     """Estimate parameters dive after dive, for one vehicle.
 
     Args:
-      logs: dives in order. calibration: first estimate, with the parameters' spreads; a neutral
-        density begins where the logs neither sink nor rise, since their sea may differ.
+      logs: dives in order. calibration: first estimate, with the parameters' spreads; the
+        neutral density of a file without an identification begins where the logs neither sink nor
+        rise, since their sea may differ.
       parameters: names of `twin.identify.unknowns`.
       walks: random walk of each from dive to dive over its spread; default `WALK`, scaled by the
         first dives, as the noise of dives is.
@@ -126,7 +128,8 @@ def follow_parameters(
     """
     used, _ = gliding(logs)
     chosen = choose(list(parameters))
-    if any(one.name == "neutral_density" for one in chosen):
+    trimmed = any(one.name == "neutral_density" for one in chosen)
+    if trimmed and not identified(calibration.vehicle):
         calibration = centred(used, calibration)
     problem = DepthRates(used, calibration, chosen, fixes=fixes)
     about, _ = problem.fit(np.zeros(len(chosen)), PASSES, **ENDS)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +17,12 @@ import numpy as np
 
 from glider_twin_ops.health.channels import (
     CHANNELS,
+    HEADING,
     NAMES,
     NOISE,
+    PLACE,
     Channel,
+    ordered_steps,
     standing,
     steps_in_shear,
 )
@@ -30,16 +33,22 @@ from glider_twin_ops.health.judgement import (
     NONE,
     Levels,
     Verdict,
+    chance,
     follow,
     judge,
     rings,
     threshold_of,
 )
+from glider_twin_ops.health.remarks import (
+    compass_remarks,
+    few_remark,
+    plan_remarks,
+    remarks_of,
+)
 from glider_twin_ops.health.signatures import (
     Hypothesis,
     Signatures,
     TypicalDive,
-    confusable,
     signatures_of,
 )
 from twin import Vehicle, load_vehicle
@@ -52,10 +61,12 @@ from twin.records.storage import StorePath
 
 LEAST_DIVES = FIRST + 2
 """Fewest dives that are judged: those before the earliest fault, and two for an alarm"""
-OFTEN = 6
-"""Fewest dives with a channel for it to tell faults apart"""
-LEANING = 3.0
-"""[degree] Mean steering angle in dives and in climbs above which a remark names it"""
+OFTEN, LEAST_CHANNELS = 6, 5
+"""Fewest dives with a channel for it to count, and fewest channels that count for an alarm"""
+TOGETHER = 0.1
+"""Probability over that of the likeliest kind from which on a kind is named beside it"""
+APART = 45.0
+"""[degree] Least angle between two headings of legs"""
 MOST_ROWS, UNLIKELY = 5, 0.005
 """Most kinds of a table, and the probability below which a kind is not listed"""
 LOUD = 6.0
@@ -80,7 +91,7 @@ class KindVerdict:
     channels: tuple[str, ...]
     """Channels in which the fault shows"""
     also: tuple[str, ...]
-    """Other kinds that no channel of this log tells from this one"""
+    """Other kinds that are about as likely by the same dives"""
     otherwise: str
     find_out: str
 
@@ -121,10 +132,15 @@ class DeploymentHealth:
     """Notes for the pilot that are no fault: thruster, steering angle, changed settings"""
     driven: tuple[int, ...] = ()
     """Numbers of the dives that a thruster propelled"""
+    judged_dives: int = 0
+    """Number of dives with `LEAST_CHANNELS` channels and more, of which none is a test dive"""
+    compass_turned: tuple[float, float] | None = None
+    """[degree] Compass reading less heading since the first dive, and its standard deviation; None
+    without legs on three headings"""
 
     @property
     def judged(self) -> bool:
-        """True where there were enough dives; otherwise the probability is 0."""
+        """True where there were enough dives and channels; otherwise the probability is 0."""
         return bool(self.kinds)
 
     def describe(self) -> dict[str, object]:
@@ -137,6 +153,8 @@ class DeploymentHealth:
             **{name: getattr(self, name) for name in same},
             **{name: getattr(first, name, None) for name in of_alarm},
             "dives": len(self.dives),
+            "judged_dives": self.judged_dives,
+            "compass_turned": None if self.compass_turned is None else list(self.compass_turned),
             "also": list(first.also) if first else [],
             "rang": [list(dives) for dives in self.rang],
             "remarks": list(self.remarks),
@@ -163,8 +181,11 @@ class DeploymentHealth:
     def verdict(self) -> str:
         """Verdict in one line."""
         many = len(self.dives)
+        told_by = len(CHANNELS) - len(self.lacking)
         if not self.judged:
             said = "1 dive is" if many == 1 else f"{many} dives are"
+            if many >= LEAST_DIVES:
+                said = f"{told_by} of {len(CHANNELS)} channels are"
             return f"{self.name}: {said} too few to judge"
         if self.alarm:
             first = self.kinds[0]
@@ -181,7 +202,6 @@ class DeploymentHealth:
         found, by, before = "nothing wrong", "", ""
         if self.rang:
             before = f"; an alarm after dive {self.rang[-1][0]} ended after dive {self.rang[-1][1]}"
-        told_by = len(CHANNELS) - len(self.lacking)
         if 2 * told_by < len(CHANNELS):
             by = f", judged by {told_by} of {len(CHANNELS)} channels only"
         if self.evidence[-1] > self.threshold:  # an alarm takes two dives
@@ -223,7 +243,7 @@ def assess(
 
     Raises:
       StoreError: no store of logs. InputError: an unknown deployment, a rate that nobody can bear,
-        a vehicle that cannot fly the log's dives.
+
     """
     threshold = threshold_of(false_alarm_days)
     if vehicle is None:
@@ -254,6 +274,7 @@ def judged(
     threshold: float,
     changes: Array | None = None,
     powered: Sequence[bool] = (),
+    tests: Sequence[bool] = (),
     wander: Array | None = None,
 ) -> DeploymentHealth:
     """Judge the channels of a deployment.
@@ -262,7 +283,8 @@ def judged(
       numbers: numbers of the dives, as the log counts. values: (dives, channels).
       time: [s] unix, middles of the dives. ways: (dives, 2), see `dives_of`.
       dive: usual dive, in which faults are flown.
-      changes: see `changes_of`. powered: True for dives that a thruster propelled.
+      changes: see `changes_of`. powered: True for dives that a thruster propelled. tests: True for
+        test dives.
       wander: standard deviation of each channel's further step from dive to dive, where the log
         lacks a signal that it depends on, (channels,).
     """
@@ -275,11 +297,15 @@ def judged(
     days = (time - time[0]) / 86400.0 if len(time) else np.zeros(0)
     signatures = flown_signatures(vehicle, dive) if many >= LEAST_DIVES else None
     steps = np.zeros(seen.shape) if wander is None else np.broadcast_to(wander, seen.shape)
+    if changes is not None and many:
+        steps = np.hypot(steps, ordered_steps(changes))
     if signatures is not None:
         steps = np.hypot(steps, steps_in_shear(signatures.sheared, ways, days, dive.depth))
-    levels = follow(seen, changes, steps)
+    levels = follow(seen, steps)
     off_level = loud_channels(levels)
-    remarks = remarks_of(numbers, values, changes, powered, vehicle, off_level)
+    often = told.sum(axis=0) >= OFTEN
+    remarks = remarks_of(numbers, values, changes, powered, tests, vehicle, off_level)
+    enough = told.sum(axis=1) >= LEAST_CHANNELS
     found = DeploymentHealth(
         name=name,
         days=float(days[-1]) if len(days) else 0.0,
@@ -292,26 +318,44 @@ def judged(
         remarks=remarks,
         driven=tuple(itertools.compress(numbers, powered)),
         evidence=np.full(many, -math.inf),
+        judged_dives=int(sum(enough) - sum(itertools.compress(enough, tests))),
     )
     if signatures is None:
         return found
     every = signatures.in_dives(ways)
+    remarks += plan_remarks(dive, signatures.dive, vehicle)
+    if often.sum() < LEAST_CHANNELS:
+        shown = {one.kind for one in every if (_over(one)[often] > 1.0).any()}
+        hidden = {one.kind for one in every} - shown
+        remarks += (few_remark(list(itertools.compress(NAMES, often)), shown, hidden),)
+        return dataclasses.replace(found, remarks=remarks)
     hypotheses = [one for one in every if (_over(one)[ever] > 0.0).any()] or every
     verdict = judge(levels, days, hypotheses, standing(ways, days))
+    turned = compass_turned(verdict, values, ways)
+    remarks += compass_remarks(turned)
     rang = rings(verdict.evidence, threshold)
-    groups = confusable(hypotheses, np.where(told.sum(axis=0) >= OFTEN, NOISE, np.inf))
     alarm = bool(rang) and rang[-1][1] == many - 1
     loud = [NAMES.index(channel.name) for channel, _ in off_level]
     telling = {one.kind for one in hypotheses if (_over(one)[loud] > 1.0).any()}
-    order = np.argsort(-verdict.probability, kind="stable").tolist()
+    likely = verdict.probability
+    if alarm:
+        whole = max(float(likely.sum()), 1e-300)
+        likely = likely * chance(float(verdict.evidence[-1])) / whole
+    order = np.argsort(-likely, kind="stable").tolist()
+    group = [k for k in order if likely[k] >= TOGETHER * likely[order[0]]]
     order[alarm:] = sorted(order[alarm:], key=lambda k: verdict.kinds[k] not in telling)
-    kinds = tuple(_kind(verdict, k, hypotheses, levels, numbers, groups) for k in order)
+    kinds = [_kind(verdict, k, float(likely[k]), hypotheses, levels, numbers) for k in order]
+    if alarm:
+        also = tuple(verdict.kinds[k] for k in group if k != order[0])
+        kinds[0] = dataclasses.replace(kinds[0], also=also)
     found = dataclasses.replace(
         found,
         rang=tuple((int(numbers[begin]), int(numbers[end])) for begin, end in rang),
-        kinds=kinds,
+        kinds=tuple(kinds),
         evidence=verdict.evidence,
-        probability=float(verdict.probability.sum()),
+        probability=float(likely.sum()),
+        remarks=remarks,
+        compass_turned=turned,
     )
     if not alarm:
         return found
@@ -321,55 +365,24 @@ def judged(
         kind=kinds[0].kind,
         since_dive=kinds[0].since_dive,
         noticed_dive=int(numbers[rang[-1][0]]),
-        probability=kinds[0].probability,
+        probability=float(likely[group].sum()),
     )
 
 
-def remarks_of(
-    numbers: Sequence[int],
-    values: Array,
-    changes: Array | None,
-    powered: Sequence[bool],
-    vehicle: Vehicle,
-    loud: Sequence[tuple[Channel, float]] = (),
-) -> tuple[str, ...]:
-    """Sentences on what explains a log without a fault, and on channels far off their level."""
-    found = []
-    if driven := list(itertools.compress(numbers, powered)):
-        found.append(
-            f"A thruster drove {_dives(driven)}: glide, trim, turns and power are not judged there."
-        )
-    part = vehicle.steered("heading")
-    if len(values) and part is not None:
-        held = [values[:, NAMES.index(name)] for name in ("turn_dive", "turn_climb")]
-        if all(np.isfinite(one).any() for one in held):
-            down, up = (float(np.nanmedian(one)) for one in held)
-            if min(abs(down), abs(up)) > LEANING and down * up > 0.0:
-                found.append(
-                    f"It holds its heading with the {part.name} at {down:.0f} degrees in dives and "
-                    f"{up:.0f} in climbs: an asymmetry of the hull or the trim, or the zero of "
-                    "that drive."
-                )
-    if changes is not None and (changes > 1.0).any():
-        found.append(
-            "Depth, pitch or pumped volume were changed in "
-            f"{_dives(list(itertools.compress(numbers, changes > 1.0)))}: what changes there with "
-            "them counts as the pilot's."
-        )
-    found += [
-        f"In dive {numbers[-1]} {channel.name} was {abs(off):.0f} deviations off its level "
-        f"({channel.says}): look at its plot."
-        for channel, off in loud
-    ]
-    return tuple(found)
+def compass_turned(verdict: Verdict, values: Array, ways: Array) -> tuple[float, float] | None:
+    """[degree] Compass reading less heading from the first dive on, and its standard deviation.
 
-
-def _dives(numbers: Sequence[int]) -> str:
-    """Write numbers of dives in words: dives 3, 8 to 13."""
-    breaks = np.flatnonzero(np.diff(numbers) != 1) + 1
-    runs = [(run[0], run[-1]) for run in np.split(np.asarray(numbers), breaks)]
-    words = [f"{a}" if a == b else f"{a} to {b}" for a, b in runs]
-    return f"dive{'s' if len(numbers) > 1 else ''} {', '.join(words)}"
+    None without two dives with a current on each of three headings.
+    """
+    known = np.isfinite(values[:, PLACE["current_north"]]) & np.isfinite(ways).all(axis=1)
+    left, headings = np.rad2deg(np.arctan2(ways[known, 1], ways[known, 0])), 0
+    while len(left):
+        near = np.abs((left - left[0] + 180.0) % 360.0 - 180.0) < APART
+        headings, left = headings + (near.sum() > 1), left[~near]
+    if headings < 3:
+        return None
+    size, deviation = (float(np.rad2deg(one[HEADING])) for one in verdict.standing)
+    return -size, deviation
 
 
 def _over(one: Hypothesis) -> Array:
@@ -381,11 +394,12 @@ def _over(one: Hypothesis) -> Array:
 def _kind(
     verdict: Verdict,
     k: int,
+    probability: float,
     hypotheses: Sequence[Hypothesis],
     levels: Levels,
     numbers: Sequence[int],
-    groups: Mapping[str, set[str]],
 ) -> KindVerdict:
+    """Verdict on one kind."""
     name, first = verdict.kinds[k], int(verdict.since[k])
     kind, over = FAULTS[name], _over(hypotheses[verdict.best[k]])
     told: Mask = np.asarray(np.isfinite(levels.innovation).any(axis=0))
@@ -395,14 +409,14 @@ def _kind(
     return KindVerdict(
         kind=name,
         says=kind.says,
-        probability=float(verdict.probability[k]),
+        probability=probability,
         since_dive=int(numbers[first]) if first < len(numbers) else None,
         size=float(verdict.size[k]),
         size_deviation=float(verdict.size_deviation[k]),
         unit=kind.unit,
         dives=tuple(int(numbers[d]) for d in look),
         channels=tuple(CHANNELS[c].name for c in by),
-        also=tuple(sorted(groups[name] - {name})),
+        also=(),
         otherwise=kind.otherwise,
         find_out=kind.find_out,
     )

@@ -41,42 +41,43 @@ class Channel(NamedTuple):
 CHANNELS = tuple(
     Channel(*row)
     for row in (
-        ("rate_dive", "1", 0.02, 0.004, "1 less the flight model's depth rate in dives over the "
+        ("rate_dive", "1", 0.025, 0.004, "1 less the flight model's depth rate in dives over the "
          "log's"),
-        ("rate_climb", "1", 0.015, 0.004, "1 less the flight model's depth rate in climbs over the "
+        ("rate_climb", "1", 0.02, 0.004, "1 less the flight model's depth rate in climbs over the "
          "log's"),
         ("trim_dive", "mm", 0.4, 0.08, "battery's place in dives, less what the pitch needs"),
         ("trim_climb", "mm", 0.4, 0.08, "battery's place in climbs, less what the pitch needs"),
-        ("roll_dive", "degree", 0.2, 0.05, "roll in dives, less what a turning battery gives"),
-        ("roll_climb", "degree", 0.2, 0.05, "roll in climbs, less what a turning battery gives"),
-        ("turn_dive", "degree", 0.4, 0.1, "place of what turns it on a straight heading in dives"),
-        ("turn_climb", "degree", 0.4, 0.1, "place of what turns it on a straight heading in "
+        ("roll_dive", "degree", 0.3, 0.05, "roll in dives, less what a turning battery gives"),
+        ("roll_climb", "degree", 0.3, 0.05, "roll in climbs, less what a turning battery gives"),
+        ("turn_dive", "degree", 0.9, 0.1, "place of what turns it on a straight heading in dives"),
+        ("turn_climb", "degree", 0.9, 0.1, "place of what turns it on a straight heading in "
          "climbs"),
         ("turn_moves", "1", 0.4, 0.05, "logarithm of the way that what turns it makes in an hour",
          False),
         ("heading_error", "1", 0.3, 0.06, "logarithm of the heading's median error", False),
-        ("pump_rate", "1", 0.02, 0.005, "logarithm of the volume that is pumped in a second"),
+        ("pump_rate", "1", 0.045, 0.005, "logarithm of the volume that is pumped in a second"),
         ("pump_work", "1", 0.02, 0.005, "logarithm of the pump's energy over its work against the "
          "sea"),
-        ("hotel", "W", 0.02, 0.005, "power while no pump runs"),
+        ("hotel", "W", 0.04, 0.005, "power while no pump runs"),
         ("resistance", "1", 0.03, 0.005, "logarithm of the voltage's drop over the current"),
         ("air", "1", 0.001, 0.0002, "logarithm of the hull's pressure over its temperature"),
-        ("surface_depth", "m", 0.08, 0.01, "depth that it shows at the surface"),
+        ("surface_depth", "m", 0.1, 0.01, "depth that it shows at the surface"),
         ("echoes", "1", 0.15, 0.02, "echoes of the floor over those that earlier dives had at its "
          "heights", False),
         ("temperature_lag", "s", 3.0, 0.4, "time by which the thermistor is late, by dives and "
          "climbs", True, "cell_lag"),
         ("cell_lag", "s", 1.0, 0.1, "time by which the conductivity is later than the temperature"),
         ("lock", "1", 0.1, 0.02, "part of the samples in which the Doppler log has lock"),
-        ("current_north", "m s-1", 0.012, 0.006, "depth-averaged current to the north, by the "
+        ("current_north", "m s-1", 0.018, 0.006, "depth-averaged current to the north, by the "
          "compass' heading", False),
-        ("current_east", "m s-1", 0.012, 0.006, "depth-averaged current to the east, by the "
+        ("current_east", "m s-1", 0.018, 0.006, "depth-averaged current to the east, by the "
          "compass' heading", False),
     )
 )  # fmt: skip
-"""All channels. Noise and walk are those of sound simulated deployments of a Slocum (preset
-`faulty`), raised where these are near 0. `surface_depth` is from four simulated vehicles,
-`cell_lag` the median of seven real deployments at full rate. A deployment's dives scale them"""
+"""All channels. Noise and walk are those of sound simulated deployments (presets `faulty` and
+`piloted`), raised where these are near 0. Rates, roll, steering, pump, hotel and the depth at the
+surface have the noise of the noisier half of eleven real deployments, each left out once, and
+`cell_lag` the median of seven. A deployment's own dives scale them"""
 NAMES = tuple(channel.name for channel in CHANNELS)
 PLACE = {name: k for k, name in enumerate(NAMES)}
 NOISE, WALK = (np.array([getattr(one, name) for one in CHANNELS]) for name in ("noise", "walk"))
@@ -91,6 +92,8 @@ band. The step is below 1.0 sqrt(1 - cos(turn)) in 68 % of 207 new legs (sound d
 vehicles, seed 2003)"""
 TIDES = (2.0 * math.pi / (12.42 * 3600.0), 2.0 * math.pi / (23.93 * 3600.0))
 """[rad/s] Angular frequencies of the tides M2 and K1"""
+HEADING = 1
+"""Index of the compass' zero among the disturbances of `standing`"""
 SPEED_OFF, HEADING_OFF, TIDE_SPEED = 0.1, math.radians(3.0), 0.05
 """Prior standard deviations: relative error of the speed through the water, [rad] error of the
 compass' zero, [m/s] amplitude of each phase of a tide's component"""
@@ -121,6 +124,28 @@ def steps_in_shear(response: Array, ways: Array, days: Array, depth: float) -> A
     found = across[:, None] * np.abs(np.nan_to_num(response))
     found[:, [PLACE[name] for name in ON_A_LEG]] = np.sqrt(ahead)[:, None]
     return found
+
+
+ORDERED = 2.0
+"""[noise] Standard deviation of a channel's step per change of depth, pitch or volume beyond what
+happens without an order. Simulated deployments with a pilot have 0 to 1.4"""
+
+
+def groups_of(changes: Array) -> Array:
+    """Ordered part of the changes of depth, pitch and volume, (dives, 3).
+
+    Args:
+      changes: of depth, pitch and volume of dives, pitch and volume of climbs, in units of what
+        happens without an order, (dives, 5).
+    """
+    beyond = np.maximum(np.abs(changes) - 1.0, 0.0)
+    groups = ([0], [1, 3], [2, 4])
+    return np.stack([np.linalg.norm(beyond[:, own], axis=1) for own in groups], axis=1)
+
+
+def ordered_steps(changes: Array) -> Array:
+    """Standard deviation of each channel's step by ordered changes, (dives, channels)."""
+    return ORDERED * np.linalg.norm(groups_of(changes), axis=1)[:, None] * NOISE
 
 
 def standing(ways: Array, days: Array) -> tuple[Array, Array]:

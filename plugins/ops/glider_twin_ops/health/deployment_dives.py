@@ -78,9 +78,17 @@ class Echoes:
         return np.clip((self.floor - depth) / BIN, 0, BINS - 1).astype(np.int64)
 
 
-CHANGED = {"depth": 0.2, "pitch": 3.0, "volume": 25.0}
-"""Changes between two dives above which the pilot changed a setting: of the depth's logarithm,
-[degree] of pitch, [cm3] of volume. Of preset `faulty`, without a pilot, 90 % of dives stay below"""
+SETTINGS = {"depth": 0.2, "dive_pitch": 3.0, "dive_volume": 25.0, "climb_pitch": 3.0,
+            "climb_volume": 25.0}  # fmt: skip
+"""Settings of a dive and the change of each above which the pilot changed it: of the depth's
+logarithm, [degree], [cm3]. Of preset `faulty`, without a pilot, 90 % of dives stay below"""
+SHALLOW, SHALLOWER = 15.0, 0.2
+"""A dive above [m], and a first dive above this fraction of the usual depth, is a test dive"""
+UNKNOWN_MASS, LEAST_NET = 0.03, 0.02
+"""[kg] Standard deviation of a net mass by ballast and trim; [kg] least net mass that counts"""
+WATER_CHANGE, STRATIFIED = 0.05, 1.0
+"""[kg/m3] Standard deviation of the water's mean density from dive to dive, and its change per
+logarithm of the dive's depth, where a log has no density"""
 UNTOLD_WARMING = 0.0015
 """Relative change of the hull's air from dive to dive where the log has no temperature: 0.4 K, the
 RMS change of a dive's mean temperature in 81 pairs of dives of seven real deployments"""
@@ -94,17 +102,25 @@ READ = (
 """Signals that channels are computed from, without `measured_`"""
 
 
-def dives_of(logs: LogStore, deployment: str) -> tuple[list[int], list[DiveSignals], Array]:
+def dives_of(
+    logs: LogStore, deployment: str, calibration: Calibration | None = None
+) -> tuple[list[int], list[DiveSignals], Array]:
     """Read the dives of a deployment in order of time.
+
+    Args:
+      calibration: compass deviation that the vehicle's file has.
 
     Returns:
       Rows of the store; the signals of each; its mean velocity through the water by the compass,
       north and east [m/s], (dives, 2), NaN where unknown.
     """
     rows = logs.missions_of(deployment)
-    names = [name for name in (*(f"measured_{one}" for one in READ), "commanded_heading")
-             if name in logs]  # fmt: skip
-    blocks = {name: logs.rows(name, rows) for name in names}
+    names = [*(f"measured_{one}" for one in READ), "commanded_heading"]
+    blocks = {name: logs.rows(name, rows) for name in names if name in logs}
+    blocks = {name: block for name, block in blocks.items() if np.isfinite(block).any()}
+    deepest = np.array([np.nanmax(one, initial=0.0) for one in blocks.get("measured_depth", [])])
+    # a pilot tests the vehicle before anything else; later shallow dives are ordered
+    tests = np.cumprod(deepest < SHALLOWER * np.median(deepest)) if len(deepest) else deepest
     legs = {leg.mission: leg for leg in legs_of(logs, deployment)}
     dives, ways = [], np.full((len(rows), 2), math.nan)
     of_rows, echoes = log_rows(logs), Echoes()
@@ -115,26 +131,41 @@ def dives_of(logs: LogStore, deployment: str) -> tuple[list[int], list[DiveSigna
         # a commanded heading, or a speed without the thruster's, gives no current
         if row in legs and not powered and heading is not None and np.isfinite(heading).any():
             leg = legs[row].leg
-            ways[k] = np.array(leg.through_water) / leg.duration
+            ways[k] = turned(np.array(leg.through_water) / leg.duration, calibration)
             moved = np.array(leg.over_ground) / leg.duration - ways[k]
             current = (float(moved[0]), float(moved[1]))
         part, pitch = math.nan, signals.get("measured_pitch")
         if {"measured_depth", "measured_altitude"} <= signals.keys():
             part = echoes.part(signals["measured_depth"], signals["measured_altitude"], pitch)
         told: dict[str, Any] = {"current": current, "echoes": part, "powered": powered}
+        told["way"] = (float(ways[k, 0]), float(ways[k, 1]))
+        told["test"] = bool(len(tests)) and bool(tests[k] > 0 or deepest[k] < SHALLOW)
         dives.append(DiveSignals(period=logs.period, signals=signals, **told))
     return rows, dives, ways
 
 
+def turned(way: Array, calibration: Calibration | None) -> Array:
+    """Velocity, north and east, by the compass with the deviation that its vehicle's file has."""
+    if calibration is None:
+        return way
+    heading = np.arctan2(way[1], way[0])
+    off = float(calibration.true_heading(np.array([heading]))[0]) - heading
+    return np.array([[math.cos(off), -math.sin(off)], [math.sin(off), math.cos(off)]]) @ way
+
+
 def told_by(logs: LogStore, deployment: str, vehicle: Vehicle) -> dict[str, Any]:
     """Arguments of `judged` read from a deployment's log."""
-    rows, dives, ways = dives_of(logs, deployment)
     calibration = flight_model(vehicle)
+    rows, dives, ways = dives_of(logs, deployment, calibration)
     numbers = logs.array(DIVE) if DIVE in logs else np.arange(len(logs))
     lasted = np.nan_to_num(logs.number(DIVE_DURATION)[rows])
-    wander = np.zeros(len(NAMES))
+    changes = changes_of(dives)
+    wander = np.zeros((len(dives), len(NAMES)))
     if all(dive.get("temperature") is None for dive in dives):
-        wander[PLACE["air"]] = UNTOLD_WARMING
+        wander[:, PLACE["air"]] = UNTOLD_WARMING
+    blind = all(dive.get("density") is None for dive in dives)
+    for name, steps in rate_steps(dives, vehicle, changes[:, 0] if blind else None).items():
+        wander[:, PLACE[name]] = steps
     return {
         "name": deployment,
         "numbers": tuple(int(numbers[row]) for row in rows),
@@ -142,8 +173,9 @@ def told_by(logs: LogStore, deployment: str, vehicle: Vehicle) -> dict[str, Any]
         "time": np.asarray(logs.starts)[rows] + 0.5 * lasted,
         "ways": ways,
         "dive": typical(dives, vehicle),
-        "changes": changes_of(dives),
+        "changes": changes,
         "powered": [dive.powered for dive in dives],
+        "tests": [dive.test for dive in dives],
         "wander": wander,
     }
 
@@ -162,16 +194,41 @@ def values_of(dives: Sequence[DiveSignals], calibration: Calibration | None) -> 
 
 
 def changes_of(dives: Sequence[DiveSignals]) -> Array:
-    """Change of settings from the dive before, over `CHANGED`, (dives,).
+    """Change of each setting since the last dive that is no test, over `SETTINGS`, (dives, 5)."""
+    rows = np.array([dive.settings() for dive in dives]).reshape(-1, len(SETTINGS))
+    rows[:, 0] = np.log(np.maximum(rows[:, 0], 1.0))
+    rows /= list(SETTINGS.values())
+    found, before = np.zeros(rows.shape), np.full(len(SETTINGS), math.nan)
+    for dive, row, change in zip(dives, rows, found, strict=True):
+        change[:] = np.nan_to_num(row - before)
+        if not dive.masked:
+            before = np.where(np.isfinite(row), row, before)
+    return found
 
-    Errors of a model differ between depths, pitches and volumes.
+
+def rate_steps(
+    dives: Sequence[DiveSignals], vehicle: Vehicle, blind: Array | None
+) -> dict[str, Array]:
+    """Steps of the rates from dive to dive by what is unknown of the net mass, (dives,) each.
+
+    A rate goes with the square root of the net mass m: an unknown mass moves it by half of that
+    over m, which is the more the less a pilot pumps.
+
+    Args:
+      blind: change of the depth's logarithm, over that of `SETTINGS`, where no dive has a density.
     """
-    rows = np.array([dive.settings() for dive in dives]).reshape(-1, 5)
-    rows[:, 0] = np.log(np.maximum(rows[:, 0], 1.0)) / CHANGED["depth"]
-    rows[:, 1::2] /= CHANGED["pitch"]
-    rows[:, 2::2] /= CHANGED["volume"]
-    steps = np.nan_to_num(np.diff(rows, axis=0))
-    return np.concatenate([[0.0], np.linalg.norm(steps, axis=1)])
+    rows = np.array([dive.settings() for dive in dives]).reshape(-1, len(SETTINGS))
+    if vehicle.steered("buoyancy") is None or not len(rows):
+        return {}
+    found = {}
+    for name, volume in (("rate_dive", rows[:, 2]), ("rate_climb", rows[:, 4])):
+        net = np.array([abs(vehicle.net_mass_for_pump(v)) for v in np.nan_to_num(volume)])
+        over = np.where(np.isfinite(volume), 0.5 / np.maximum(net, LEAST_NET), 0.0)
+        found[name] = UNKNOWN_MASS * np.abs(np.diff(over, prepend=over[:1]))
+        if blind is not None:
+            density = np.hypot(WATER_CHANGE, STRATIFIED * SETTINGS["depth"] * blind)
+            found[name] = np.hypot(found[name], vehicle.mass / 1025.0 * density * over)
+    return found
 
 
 def typical_dive(store: str | StorePath, deployment: str, vehicle: Vehicle) -> TypicalDive:
@@ -182,7 +239,7 @@ def typical_dive(store: str | StorePath, deployment: str, vehicle: Vehicle) -> T
 
 def typical(dives: Sequence[DiveSignals], vehicle: Vehicle) -> TypicalDive:
     """Usual dive of a log, rounded; settings that the log lacks are the vehicle file's."""
-    rows = np.array([dive.settings() for dive in dives]).reshape(-1, 5)
+    rows = np.array([one.settings() for one in dives if not one.masked]).reshape(-1, 5)
     deepest = rows[np.isfinite(rows[:, 0]), 0]
     depth = float(np.median(deepest)) if len(deepest) else 150.0
     period = dives[0].period if dives else 4.0

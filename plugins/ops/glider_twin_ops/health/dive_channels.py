@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 
 from glider_twin_ops.health.channels import NAMES
 from twin import Vehicle
-from twin.identify import Calibration, balance, load_calibration
+from twin.identify import Calibration, Log, load_calibration, log_of, motion_of
 from twin.numbers import Array
 from twin.vehicle.laws import FlowFrame
 from twin.vehicle.parts import BatteryHinge, Fin, Pump
 
 Mask = NDArray[np.bool_]
+CUBIC_CM = 1e-6
+"""[m3]"""
 PUMPING = 0.15
 """[cm3/s] Rate above which a pump counts as pumping"""
 STEEP, LEAST_SAMPLES = 8.0, 20
@@ -31,14 +33,22 @@ SHALLOW = 5.0
 AFLOAT, FLOATING, RESTS = 0.5, 0.05, 20.0
 """A vehicle floats within [m] of a dive's smallest depth while it rises or sinks slower than [m/s],
 for longer than [s]; a turn below the surface is as slow for a moment only"""
+LEVEL_RATE = 0.03
+"""[m/s] Least vertical velocity of a dive or climb, as in `twin flight`"""
+WATER, NEAR = ("measured_density", "measured_temperature"), 120.0
+"""Signals of the water that the buoyancy needs; [s] longest distance from a sample of them"""
+FULL_RATE = 10.0
+"""[s] Longest sample period at which lags of a CTD are judged"""
 LEAST_BINS = 4
 """Fewest bins of a dive or climb from which a channel is computed"""
-WHOLE, LEAST_WHOLE = 0.7, 2.0
+WHOLE, LEAST_WHOLE = 0.7, 3.0
 """Fraction of the highest rate above which a pump runs at full rate, and the fewest consecutive
 samples at full rate from which the rate is read. The one highest sample of a fast pump depends on
 when it was taken"""
 FINEST = 20.0
 """[s] Longest sample period at which a pump's strokes can be seen"""
+AGREE = 6.0
+"""[s] Difference of a lag between the halves of a dive that is accepted, or the lag itself"""
 LAYER = 2.0
 """[m] Height of the layers in which the CTD's dives and climbs are compared"""
 SEA_LEVEL, ZERO_C = 101_325.0, 273.15
@@ -57,15 +67,37 @@ class DiveSignals:
     """Arrays by the names of the schema"""
     current: tuple[float, float] = (math.nan, math.nan)
     """[m/s] Depth-averaged current to the north and east, by fixes, depth rate and compass"""
+    way: tuple[float, float] = (math.nan, math.nan)
+    """[m/s] Mean velocity through the water to the north and east, by the compass"""
     echoes: float = math.nan
     """Echoes of the sea floor over those expected from earlier dives at the same heights"""
     powered: bool = False
     """A thruster propelled it, so that glide and power are not comparable"""
+    test: bool = False
+    """A test dive, much shallower than the others"""
+
+    @property
+    def masked(self) -> bool:
+        """True where only the hull is judged."""
+        return self.powered or self.test
 
     def get(self, name: str) -> Array | None:
         """Return a measured signal, None where it has no finite value."""
         found = self.signals.get(f"measured_{name}")
         return None if found is None or not np.isfinite(found).any() else found
+
+    def watered(self) -> Mask:
+        """True at samples with the log's density and temperature within `NEAR`."""
+        count = len(self.signals["measured_depth"])
+        known = np.ones(count, bool)
+        for name in WATER:
+            if name in self.signals:
+                at = np.flatnonzero(np.isfinite(self.signals[name]))
+                before = np.searchsorted(at, np.arange(count), side="right") - 1
+                ends = at[[np.clip(before, 0, None), np.clip(before + 1, None, len(at) - 1)]]
+                off = np.abs(ends - np.arange(count)).min(axis=0) if len(at) else np.inf
+                known &= off * self.period <= NEAR
+        return known
 
     def settings(self) -> list[float]:
         """Pilot's settings by the log: depth [m] of the lower turn, then pitch [degree] and pumped
@@ -113,9 +145,9 @@ def _binned(values: Array | None, width: int, count: int) -> Array:
 
 
 def _filled(values: Array) -> Array:
-    """Interpolate linearly across NaN."""
+    """Interpolate linearly across NaN; a signal without any value stays NaN."""
     known = np.flatnonzero(np.isfinite(values))
-    if len(known) == len(values):
+    if len(known) in (0, len(values)):
         return values
     return np.interp(np.arange(len(values)), known, values[known])
 
@@ -129,57 +161,66 @@ def channels_of(dive: DiveSignals, calibration: Calibration | None) -> Array:
     found = dict.fromkeys(NAMES, math.nan)
     depth = dive.get("depth")
     if depth is not None and len(depth) >= 10:
-        if not dive.powered:
+        if not dive.masked:
             if calibration is not None:
                 found |= _flight(dive, depth, calibration)
                 found |= _turning(dive, depth, calibration.vehicle)
             found |= _pump(dive, depth)
             found |= _power(dive, depth)
+            found |= _lags(dive, depth)
+            found["current_north"], found["current_east"] = dive.current
+            found["echoes"] = dive.echoes
         found |= _hull(dive, depth)
-        found |= _lags(dive, depth)
-        found["current_north"], found["current_east"] = dive.current
-        found["echoes"] = dive.echoes
     return np.array([found[name] for name in NAMES], float)
 
 
 def _flight(dive: DiveSignals, depth: Array, calibration: Calibration) -> dict[str, float]:
-    """Channels of depth rate and trim in steady flight."""
-    pitch, pump, roll = dive.get("pitch"), dive.get("pump"), dive.get("roll")
-    if pitch is None or pump is None:
+    """Channels of depth rate and trim, by the flight model of `twin flight` and `twin identify`."""
+    log = _log_of(dive, calibration)
+    if log is None:
         return {}
-    width, count = max(round(BIN / dive.period), 1), len(depth)
-    roll = np.zeros(count) if roll is None else roll
-    z, theta, phi, volume, place, rho = (
-        _binned(values, width, count)
-        for values in (depth, pitch, roll, pump, dive.get("shift"), dive.get("density"))
-    )
-    if len(z) < 3:
-        return {}
-    # depth is averaged over bins: the slope lies between the middles of the neighbouring bins
-    rate = np.gradient(z, width * dive.period)
-    steady = (z > SHALLOW) & (np.abs(theta) > STEADY_PITCH)
-    for values, most in ((theta, STEADY_CHANGE), (volume, STEADY_PUMP)):
-        change = np.abs(np.diff(values))
+    motion, vehicle = motion_of(log, calibration), calibration.vehicle
+    pitch = calibration.true_pitch(log.pitch)
+    sink = log.filtered(motion.sink_rate(log.roll, pitch))
+    used = log.use & dive.watered() & np.isfinite(sink)
+    moved = None
+    if log.shift is not None:
+        pump, battery = vehicle.steered("buoyancy"), vehicle.battery
+        constant, slope, _ = vehicle.flow_frame.pitch_moment
+        if vehicle.added_mass_coupling:
+            slope += vehicle.added_mass[2, 2] - vehicle.added_mass[0, 0]
+        water = (constant + slope * motion.angle_of_attack) * motion.speed**2 / vehicle.gravity
+        low = vehicle.static_mass * vehicle.static_cg[2] + battery.mass * battery.eccentricity
+        pumped = CUBIC_CM * vehicle.reference_density * (log.pump - pump.neutral)
+        first = water / np.cos(pitch) - low * np.tan(pitch) + pump.position[0] * pumped
+        own = vehicle.static_mass * vehicle.static_cg[0] + battery.mass * battery.neutral_x
+        moved = 1e3 * (log.shift - (first - own) / battery.mass)
+    width = max(round(BIN / dive.period), 1)
+    steady = np.abs(_binned(log.pitch, width, len(depth))) > math.radians(STEADY_PITCH)
+    for values, most in ((np.rad2deg(log.pitch), STEADY_CHANGE), (log.pump, STEADY_PUMP)):
+        change = np.abs(np.diff(_binned(values, width, len(depth))))
         steady &= np.maximum(np.append(0.0, change), np.append(change, 0.0)) < most
-    rho = np.where(np.isfinite(rho), rho, calibration.sea_density(z))
-    pitched = calibration.true_pitch(np.deg2rad(theta))
-    net = calibration.net_mass(rho, np.maximum(z, 0.0), volume, np.zeros(len(z)))
-    known = np.isfinite(net) & np.isfinite(pitched)
-    net, pitched = np.where(known, net, 0.0), np.where(known, pitched, 0.0)
-    vehicle = calibration.vehicle
-    rolled = np.deg2rad(np.nan_to_num(phi))
-    speed, alpha, _, gliding = balance(vehicle, net, rolled, pitched, np.zeros((3, len(z))))
-    model = -speed * np.sin(pitched - alpha)
-    lever = 1e3 * vehicle.metacentric_height * vehicle.mass / vehicle.battery.mass
-    moved = 1e3 * place + lever * np.tan(pitched)
     found: dict[str, float] = {}
     for word, sign in PHASES:
-        phase = steady & known & (sign * rate > 0.02) & (-sign * theta > 0.0)
-        used = phase & gliding & (sign * model > 0.02)
-        if used.sum() >= LEAST_BINS:
-            found[f"rate_{word}"] = float(1.0 - model[used].sum() / rate[used].sum())
-        found |= _median(f"trim_{word}", moved, phase)
+        phase = used & (sign * log.depth_rate > LEVEL_RATE)
+        if phase.sum() * dive.period < LEAST_BINS * BIN:
+            continue
+        found[f"rate_{word}"] = float(1.0 - sink[phase].sum() / log.depth_rate[phase].sum())
+        if moved is not None:
+            whole = steady & (_binned(phase.astype(float), width, len(depth)) > 0.9)
+            found |= _median(f"trim_{word}", _binned(moved, width, len(depth)), whole)
     return found
+
+
+def _log_of(dive: DiveSignals, calibration: Calibration) -> Log | None:
+    """Dive as identification reads it; roll and heading count as 0 where the log lacks them."""
+    count = len(dive.signals["measured_depth"])
+    if dive.get("pitch") is None or dive.get("pump") is None:
+        return None
+    flat = {f"measured_{name}": np.zeros(count) for name in ("roll", "heading")}
+    known = {name: values for name, values in dive.signals.items() if np.isfinite(values).any()}
+    gap = {name: values for name, values in dive.signals.items() if name in WATER}
+    return log_of(0, {**flat, **known, **gap}, dive.period, None, False)
 
 
 def _median(name: str, values: Array | None, phase: Mask) -> dict[str, float]:
@@ -289,7 +330,7 @@ def _hull(dive: DiveSignals, depth: Array) -> dict[str, float]:
     # at the surface the air bladder takes air out of the hull
     under = depth > SHALLOW
     if vacuum is not None and np.isfinite(vacuum[under]).any():
-        kelvin = ZERO_C + 10.0
+        kelvin = ZERO_C + (10.0 if "measured_temperature" not in dive.signals else math.nan)
         if warmth is not None and np.isfinite(warmth[under]).any():
             kelvin = ZERO_C + float(np.nanmean(warmth[under]))
         found["air"] = math.log((SEA_LEVEL - float(np.nanmean(vacuum[under]))) / kelvin)
@@ -308,7 +349,8 @@ def _hull(dive: DiveSignals, depth: Array) -> dict[str, float]:
 
 def _lags(dive: DiveSignals, depth: Array) -> dict[str, float]:
     """Channels of the CTD's lags [s]: dives and climbs differ by 2 lag dx/dt."""
-    found: dict[str, float] = {}
+    if dive.period > FULL_RATE:
+        return {}
     rate = np.gradient(_filled(depth), dive.period)
     warmth, cell, salinity = map(dive.get, ("temperature", "conductivity", "salinity"))
     if cell is None and salinity is not None and warmth is not None:
@@ -317,31 +359,43 @@ def _lags(dive: DiveSignals, depth: Array) -> dict[str, float]:
         pressure = dive.get("pressure")
         deep = depth if pressure is None else np.where(np.isfinite(pressure), pressure, depth)
         cell = np.asarray(gsw.C_from_SP(salinity, warmth, deep) / 10.0)  # [S/m] from mS/cm
-    for name, values in (("temperature_lag", warmth), ("cell_lag", cell)):
-        if values is None:
-            continue
-        known = np.isfinite(values) & np.isfinite(depth) & (depth > SHALLOW) & (np.abs(rate) > 0.03)
-        place = (depth / LAYER).astype(int)
-        phases = known & (rate > 0.0), known & (rate < 0.0)
-        if min(phase.sum() for phase in phases) < 30:
-            continue
-        size = int(place[known].max()) + 1
-        profiles = []
-        for phase in phases:
-            at, count = place[phase], np.bincount(place[phase], minlength=size)
-            with np.errstate(invalid="ignore", divide="ignore"):
-                profiles += [np.bincount(at, x[phase], size) / count for x in (values, rate)]
-        falling, sinking, rising, climbing = profiles
-        slope = np.gradient(0.5 * (falling + rising), LAYER)
-        # x(t) = X(z) - lag dX/dz w: the sign of the error differs between dives and climbs
-        late = slope * (climbing - sinking)
-        both = np.isfinite(late) & np.isfinite(falling) & np.isfinite(rising)
-        if both.sum() >= 8 and float((late[both] ** 2).sum()) > 0.0:
-            off = (falling - rising)[both]
-            found[name] = float(off @ late[both] / (late[both] ** 2).sum())
-    # internal waves between a dive and its climb shift both sensors alike
-    late_cell = found.pop("cell_lag", math.nan) - found.get("temperature_lag", math.nan)
-    return found if math.isnan(late_cell) else {**found, "cell_lag": late_cell}
+    lag, late_cell = (None if x is None else _lag(x, depth, rate) for x in (warmth, cell))
+    if late_cell is not None and lag is not None:
+        # internal waves between a dive and its climb shift both sensors alike
+        late_cell = late_cell - lag
+    # a lag is the same in both halves of a dive; moved water is not
+    return {
+        name: float(one[0])
+        for name, one in (("temperature_lag", lag), ("cell_lag", late_cell))
+        if one is not None and abs(one[1] - one[2]) < max(AGREE, abs(one[0]))
+    }
+
+
+def _lag(values: Array, depth: Array, rate: Array) -> Array | None:
+    """Lag [s] of a sensor: of the whole dive, its upper and its lower half, (3,)."""
+    known = np.isfinite(values) & np.isfinite(depth) & (depth > SHALLOW) & (np.abs(rate) > 0.03)
+    place = (depth / LAYER).astype(int)
+    phases = known & (rate > 0.0), known & (rate < 0.0)
+    if min(phase.sum() for phase in phases) < 30:
+        return None
+    size = int(place[known].max()) + 1
+    profiles = []
+    for phase in phases:
+        at, count = place[phase], np.bincount(place[phase], minlength=size)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            profiles += [np.bincount(at, x[phase], size) / count for x in (values, rate)]
+    falling, sinking, rising, climbing = profiles
+    slope = np.gradient(0.5 * (falling + rising), LAYER)
+    # x(t) = X(z) - lag dX/dz w: the sign of the error differs between dives and climbs
+    late = slope * (climbing - sinking)
+    both = np.flatnonzero(np.isfinite(late) & np.isfinite(falling) & np.isfinite(rising))
+    off, gain = (falling - rising)[both], late[both]
+    told = np.cumsum(gain**2)
+    if len(both) < 8 or not told[-1] > 0.0:
+        return None
+    middle = int(np.searchsorted(told, 0.5 * told[-1])) + 1
+    parts = slice(None), slice(0, middle), slice(middle, None)
+    return np.array([off[k] @ gain[k] / max(gain[k] @ gain[k], 1e-30) for k in parts])
 
 
 def flight_model(vehicle: Vehicle) -> Calibration | None:

@@ -4,18 +4,17 @@ A Kalman filter follows the level of each channel, a random walk from dive to di
 are white for a sound vehicle. A fault adds its signature, times its size, from its first dive on.
 The innovations are linear in that size, so that the likelihood ratio of each kind and first dive
 against drift has a closed form (Willsky and Jones, IEEE TAC 21, 1976). The size has a normal prior
-of the kind's usual size; the ratio is that of the marginal likelihoods.
+of the kind's usual size; the ratio is that of the marginal likelihoods. A flown signature is known
+to `UNSURE` in each channel, over which the likelihood is averaged, so that kinds whose signatures
+lie within that of each other share the probability.
 
-The evidence that is an alarm follows from the accepted rate of false alarms. A threshold is the
-higher of two. One is that of simulated deployments of preset `faulty` that were sound, and of what
-came before the fault in others: 1073 days of Slocum 200, Sea-Wing, SeaExplorer and Seaglider (of
-each vehicle `--each 1 --sound 6 --seed 2003` and `--each 2 --sound 24 --seed 2004`). They are
-quieter in most channels than real ones. The other is that of channels as loud, all of them, as
-`channels` states their noise and walks: 400 deployments of five days. Both are by
+Levels of alarms and probabilities are learned from simulated deployments of preset `piloted`, of
+three vehicles (`--each 3 --sound 16`: Slocum 200, seed 4001; Seaglider, 4002; SeaExplorer, 4003):
 
-    python -m benchmarks.health --judge FILE ... --thresholds
+    python -m benchmarks.health_learning FILE ...
 
-Deployments of other seeds and real logs tell whether the rate holds: docs/results/health.md and
+A level is the higher of that of their sound dives and that of channels with the stated noise and
+walk. Other seeds, other vehicles and real logs tell whether they hold: docs/results/health.md and
 docs/results/health_real.md.
 """
 
@@ -29,22 +28,26 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp
 
-from glider_twin_ops.health.channels import NOISE, WALK
+from glider_twin_ops.health.channels import FLOWN, NOISE, WALK
 from glider_twin_ops.health.signatures import Hypothesis
 from twin.errors import InputError
 from twin.numbers import Array
 
 CLIP, FARTHEST = 3.5, 30.0
-"""Standard deviations at which an innovation is clipped, since one dive alone proves little; and
-those at which a signature is clipped"""
+"""Standard deviations above which an innovation counts as one of larger noise, since one dive alone
+proves little; and those at which a signature is clipped"""
 LEARNED, LATE = 8.0, 2
 """Dives that a channel's prior noise counts as; and last dives that do not update the noise, since
 a fault would raise it"""
 LEAST, MOST = 0.4, 40.0
 """Smallest and largest variance of a channel over its prior variance"""
-STEP = 2.0
-"""Step of a level, in noises, per unit of changed settings beyond 1: a model's error differs at
-another depth, pitch and volume"""
+UNSURE = 0.25
+"""[1] Standard deviation of a flown signature in each channel, over the signature"""
+SIZE_STEP = 0.28
+SIZES = np.exp(np.arange(-2.8, 1.5, SIZE_STEP))
+"""Sizes of a fault over their prior standard deviation, over which a likelihood is summed"""
+ROUNDS = 6
+"""Rounds in which a size and the errors of its signature are found together"""
 FIRST = 5
 """Dives before the earliest fault: a difference from the first dive on belongs to the vehicle"""
 UNKNOWN = 100.0
@@ -74,15 +77,13 @@ class Levels:
     """Kalman gain of each update, 0 without a value"""
 
 
-def follow(values: Array, changes: Array | None = None, wander: Array | None = None) -> Levels:
+def follow(values: Array, steps: Array | None = None) -> Levels:
     """Follow every channel of a deployment.
 
     Args:
       values: (dives, channels), NaN where the log has none.
-      changes: change of settings from the dive before, (dives,). Levels may step where it is above
-        1. None: no settings change.
-      wander: standard deviation of each channel's further step from the dive before,
-        (dives, channels).
+      steps: standard deviation of each channel's further step from the dive before, by what is no
+        fault, (dives, channels).
     """
     count, width = values.shape
     noise, walk = NOISE**2, WALK**2
@@ -92,9 +93,8 @@ def follow(values: Array, changes: Array | None = None, wander: Array | None = N
     found = np.full((5, count, width), math.nan)
     for d, value in enumerate(values):
         known = np.isfinite(value)
-        step = 0.0 if changes is None else STEP * max(float(changes[d]) - 1.0, 0.0)
-        variance = variance + (walk + noise * step**2) * scale
-        variance = variance if wander is None else variance + wander[d] ** 2
+        variance = variance + walk * scale
+        variance = variance if steps is None else variance + steps[d] ** 2
         spread = variance + noise * scale
         first = known & (seen == 0)
         level = np.where(first, value, level)
@@ -133,6 +133,9 @@ class Verdict:
     size_deviation: Array
     best: tuple[int, ...]
     """Index of the likeliest hypothesis of each kind"""
+    standing: tuple[Array, Array]
+    """Sizes of the disturbances from the first dive on, and their standard deviations, without a
+    fault, (disturbances,) each"""
 
 
 def judge(
@@ -155,8 +158,11 @@ def judge(
     precision, told_always = np.diag(usually**-2.0), np.zeros(len(always))
     size = len(hypotheses)
     spread = np.sqrt(levels.expected)
-    told = np.isfinite(levels.innovation)
-    innovation = np.clip(np.where(told, levels.innovation, 0.0), -CLIP, CLIP)
+    seen = np.isfinite(levels.innovation)
+    innovation = np.where(seen, levels.innovation, 0.0)
+    # a value far off counts as one of larger noise, for every hypothesis
+    weight = seen * np.minimum(1.0, CLIP / np.maximum(np.abs(innovation), 1e-9))
+    innovation = innovation * weight
     known = np.stack([np.isfinite(np.atleast_2d(h.signature)).all(axis=0) for h in hypotheses])
     signatures = np.stack(
         [np.broadcast_to(np.nan_to_num(h.signature), levels.innovation.shape) for h in hypotheses]
@@ -165,10 +171,11 @@ def judge(
         [(h.scale, _usual(h), h.fault.grows, h.fault.signed) for h in hypotheses]
     ).T
     by_dives = np.ptp(signatures, axis=1).any(axis=1)
-    # the first onset stands for a fault from before the log
-    onsets = np.array([0, *range(FIRST, count)])
+    # the first onset stands for a fault from before the log; a fault begins where it can be seen
+    onsets = np.array([0, *(d for d in range(FIRST, count) if seen[d].any())])
     answer = np.zeros((len(onsets), size, width))
-    info, score = np.zeros((2, len(onsets), size))
+    told_by, told = np.zeros((2, len(onsets), size, width))
+    unsure = np.where(FLOWN, UNSURE, 0.0) * np.array([not h.exact for h in hypotheses])[:, None]
     across = np.zeros((len(onsets), size, len(always)))
     evidence = np.full(count, -math.inf)
     before = np.zeros((len(onsets) - 1, size))
@@ -182,18 +189,18 @@ def judge(
         response = np.clip(added - answer, -limit, limit)
         gain = np.nan_to_num(levels.gain[d])
         answer = answer + gain * response * begun[:, None, None]
-        weighted = response / spread[d] * told[d]
-        info += (weighted**2).sum(axis=2)
-        score += (weighted * innovation[d]).sum(axis=2)
+        weighted = response / spread[d] * weight[d]
+        told_by += weighted**2
+        told += weighted * innovation[d]
         added = always[:, d] - shared
         shared = shared + gain * added
-        beside = added / spread[d] * told[d]
+        beside = added / spread[d] * weight[d]
         across += weighted @ beside.T
         precision = precision + beside @ beside.T
         told_always = told_always + beside @ innovation[d]
         taken = across @ np.linalg.inv(precision)
-        left = info - (taken * across).sum(axis=2), score - taken @ told_always
-        ratio = _ratio(*left, usual, signed > 0.0)
+        lost = (taken * across).sum(axis=2), taken @ told_always
+        ratio = _ratio(told_by, told, lost, usual, signed > 0.0, unsure)
         before = ratio[1:].copy()
         if by_dives.any():
             # a signature that differs between dives, as a compass' iron by heading, may have been
@@ -225,6 +232,10 @@ def judge(
         size=sizes[:, 0],
         size_deviation=sizes[:, 1],
         best=tuple(best),
+        standing=(
+            np.linalg.solve(precision, told_always),
+            np.sqrt(np.diag(np.linalg.inv(precision))),
+        ),
     )
 
 
@@ -258,16 +269,22 @@ def _size(
 ) -> tuple[float, float]:
     """Size of a fault with a given first dive, and its standard deviation, without clipping."""
     count, width = levels.innovation.shape
-    answer, info, score = np.zeros(width), 1.0 / _usual(hypothesis) ** 2, 0.0
+    answer, info, score = np.zeros((3, width))
     for d in range(onset, count):
         grown = days[d] - days[onset] + _half(days, d) if hypothesis.fault.grows else 1.0
         response = grown * signature[d] - answer
         answer = answer + np.nan_to_num(levels.gain[d]) * response
         known = np.isfinite(levels.innovation[d])
-        weighted = (response / np.sqrt(levels.expected[d]))[known]
-        info += float(weighted @ weighted)
-        score += float(weighted @ levels.innovation[d][known])
-    return score / info, 1.0 / math.sqrt(info)
+        weighted = np.where(known, response / np.sqrt(levels.expected[d]), 0.0)
+        info += weighted**2
+        score += weighted * np.nan_to_num(levels.innovation[d])
+    own = np.divide(score, info, out=np.zeros(width), where=info > 0.0)
+    kept, prior = info, 1.0 / _usual(hypothesis) ** 2
+    for _ in range(ROUNDS):
+        size = float(kept @ own) / (float(kept.sum()) + prior)
+        off = UNSURE * size * FLOWN * (not hypothesis.exact)
+        kept = info / (1.0 + info * off**2)
+    return size, 1.0 / math.sqrt(float(kept.sum()) + prior)
 
 
 def _gained(ratio: Array) -> Array:
@@ -291,20 +308,75 @@ def _usual(hypothesis: Hypothesis) -> float:
     return 1.5 * hypothesis.scale
 
 
-def _ratio(info: Array, score: Array, usual: Array, signed: Array) -> Array:
-    """Log ratio of marginal likelihoods with and without a fault, (onsets, hypotheses)."""
-    precision = info + 1.0 / usual**2
-    two_sided = 0.5 * score**2 / precision - 0.5 * np.log(precision * usual**2)
-    positive = math.log(2.0) + log_ndtr(score / np.sqrt(precision))
-    return two_sided + np.where(signed, 0.0, positive)
+def _ratio(
+    info: Array,
+    score: Array,
+    lost: tuple[Array, Array],
+    usual: Array,
+    signed: NDArray[np.bool_],
+    unsure: Array,
+) -> Array:
+    """Log ratio of marginal likelihoods with and without a fault, (onsets, hypotheses).
+
+    Channel by channel the size is score / info +- info**-0.5. An error of the signature adds the
+    variance (unsure * size)**2 to that, so that no channel alone can rule a fault in or out.
+
+    Args:
+      info, score: of each channel, (onsets, hypotheses, channels).
+      lost: parts of the sums of info and of score that standing disturbances take.
+    """
+    total, pulled = info.sum(axis=2) - lost[0], score.sum(axis=2) - lost[1]
+    precision = total + 1.0 / usual**2
+    found = 0.5 * pulled**2 / precision - 0.5 * np.log(precision * usual**2)
+    found = found + np.where(signed, 0.0, math.log(2.0) + log_ndtr(pulled / np.sqrt(precision)))
+    loose = unsure.any(axis=1)
+    info, score, unsure, usual = info[:, loose], score[:, loose], unsure[loose], usual[loose]
+    own = np.divide(score, info, out=np.zeros_like(score), where=info > 0.0)
+    part = tuple(one[:, loose] for one in lost)
+    sums = []
+    for share in SIZES:
+        size = share * usual
+        left = 1.0 / (1.0 + info * (unsure * size[:, None]) ** 2)
+        kept = info * left
+        even = 0.5 * ((info - kept) * own**2 + np.log(left)).sum(axis=2)
+        even -= 0.5 * (kept.sum(axis=2) - part[0]).clip(0.0) * size**2
+        odd = ((kept * own).sum(axis=2) - part[1]) * size
+        prior = math.log(2.0 * share * SIZE_STEP / math.sqrt(2.0 * math.pi)) - 0.5 * share**2
+        both = np.logaddexp(even + odd, even - odd) - math.log(2.0)
+        sums.append(prior + np.where(signed[loose], both, even + odd))
+    if sums:
+        found[:, loose] = logsumexp(sums, axis=0)
+    return found
+
+
+CHANCE: tuple[tuple[float, float], ...] = (
+    (-11.1, 0.101),
+    (-8.2, 0.176),
+    (-6.0, 0.273),
+    (-4.3, 0.306),
+    (-2.2, 0.591),
+    (-0.3, 0.739),
+    (2.0, 0.759),
+    (6.4, 0.856),
+    (18.4, 1.000),
+    (50.1, 1.000),
+)
+"""Evidence after the last dive, and the part of the deployments with it that have a fault, where
+one begins once in `RARE` dives"""
+
+
+def chance(evidence: float) -> float:
+    """Probability of a fault by the evidence after a dive, by straight lines."""
+    said, part = np.array(CHANCE).T
+    return float(np.interp(evidence, said, part))
 
 
 RATES: tuple[tuple[float, float, float], ...] = (
-    (3.0, -8.58, -5.38),
-    (10.0, -6.07, -3.86),
-    (30.0, -4.49, -2.86),
-    (100.0, -2.83, -1.75),
-    (300.0, -0.43, -0.52),
+    (3.0, -9.79, -5.49),
+    (10.0, -6.15, -3.83),
+    (30.0, -4.14, -2.73),
+    (100.0, -0.85, -1.55),
+    (300.0, 6.33, -0.79),
 )
 """[d] of sound vehicles per false alarm; threshold of the log odds by simulated deployments, and by
 channels with the stated noise and walk"""

@@ -8,12 +8,13 @@ fault needs no line here.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from glider_twin_ops.health.channels import FLOWN, NAMES, PLACE
+from glider_twin_ops.health.channels import FLOWN, NAMES, NOISE, PLACE
 from glider_twin_ops.health.dive_channels import DiveSignals, channels_of, flight_model
 from twin import (
     DensityProfile,
@@ -27,8 +28,9 @@ from twin import (
     Trajectory,
     Vehicle,
 )
-from twin.errors import InputError, TwinError
+from twin.errors import MissionError, TwinError
 from twin.faults import DAY, FAULTS, Fault, faults_of, read_by
+from twin.mission import track_to_follow
 from twin.numbers import Array
 from twin.physics import BODY, Lane, differs, electric_signals, flown_abreast, healthy
 from twin.vehicle.parts import Fin
@@ -52,12 +54,18 @@ ASTRAY = 10.0
 since the steering is at its limit"""
 TURNING = ("roll_dive", "roll_climb", "turn_dive", "turn_climb")
 """Channels of roll and steering"""
-STEEPER, STEEPEST, DEEPER, TRIES = 6.0, 40.0, 40.0, 5
+STEEPER, STEEPEST, DEEPER, TRIES = 6.0, 45.0, 40.0, 5
 """Changes of a dive in which a vehicle stalls: [degree] steeper, up to the steepest; [m] deeper,
 since turns take most of a shallow one; number of tries"""
+FLATTEST, PITCH_STEP, MASS_STEP = 8.0, 5.0, 0.3
+"""[degree] Least pitch of a dive that replaces another; a change of pitch by `PITCH_STEP` [degree]
+counts as much as one of the net mass' logarithm by `MASS_STEP`"""
+MASSES = (1.0, 0.8, 1.25, 0.6, 1.6, 0.4, 0.25)
+"""Factors on the net mass that are tried"""
+ASCENT = 35.0
+"""[degree] Usual pitch of the ascent to the surface"""
+TRIM = ("trim_dive", "trim_climb")
 RATES = [PLACE[name] for name in ("rate_dive", "rate_climb")]
-LIKE = 0.97
-"""Cosine of two signatures, over their noise, above which no channel tells them apart"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -86,6 +94,8 @@ class Hypothesis:
     day after its begin; NaN where unknown"""
     scale: float
     """Usual size of the fault"""
+    exact: bool = False
+    """True where the fault itself states its signature, which no flight predicts"""
 
     @property
     def kind(self) -> str:
@@ -109,6 +119,8 @@ class Signatures:
 
     hypotheses: tuple[Hypothesis, ...]
     """All faults that the vehicle can have"""
+    dive: TypicalDive | None
+    """Dive that was flown; None where the vehicle cannot fly any near the asked one"""
     sheared: Array
     """Change of each channel per 1/s of shear of the current across the heading, (channels,); NaN
     where unknown"""
@@ -127,18 +139,55 @@ class Signatures:
                 signature = np.zeros((len(way), len(NAMES)))
                 for name, values in told.items():
                     signature[:, PLACE[name]] = values
-                one = dataclasses.replace(one, signature=signature)
+                one = dataclasses.replace(one, signature=signature, exact=True)
             found.append(one)
         return found
+
+
+def held(vehicle: Vehicle, dive: TypicalDive) -> TypicalDive | None:
+    """Nearest dive whose pitches and net masses the balance of forces can hold, or None."""
+    lightest, heaviest = vehicle.net_mass_range
+    found: dict[str, float] = {}
+    for way, sign, most in (("", 1.0, heaviest), ("climb_", -1.0, -lightest)):
+        pitch, mass = getattr(dive, f"{way}pitch"), getattr(dive, f"{way}net_mass")
+        trials = sorted(
+            (abs(off) / PITCH_STEP + abs(math.log(factor)) / MASS_STEP, pitch + off, factor)
+            for off in range(-30, 31)
+            for factor in MASSES
+        )
+        for _, angle, factor in trials:
+            net = min(max(factor * mass, 0.02 * most), most)
+            if FLATTEST <= angle <= STEEPEST and _holds(vehicle, sign, angle, net):
+                found |= {f"{way}pitch": angle, f"{way}net_mass": net}
+                break
+        else:
+            return None
+    return dataclasses.replace(dive, **found)
+
+
+def _holds(vehicle: Vehicle, sign: float, pitch: float, mass: float) -> bool:
+    """True where a steady glide at a pitch [degree], and one a little flatter, exist."""
+    try:
+        for angle in (pitch, pitch - FLATTER):
+            track_to_follow(vehicle, "dive", "pitch_deg", -sign * angle, sign * mass, None)
+    except MissionError:
+        return False
+    return True
+
+
+@functools.lru_cache(maxsize=64)
+def _ascent_pitch(vehicle: Vehicle) -> float:
+    """[degree] Pitch nearest to a usual ascent's that the vehicle holds with its pump full."""
+    most = -vehicle.net_mass_range[0]
+    every = sorted(np.arange(FLATTEST, STEEPEST + 1.0).tolist(), key=lambda p: abs(p - ASCENT))
+    return next((pitch for pitch in every if _holds(vehicle, -1.0, pitch, most)), ASCENT)
 
 
 def signatures_of(vehicle: Vehicle, dive: TypicalDive) -> Signatures:
     """Fly the signatures of all faults that a vehicle can have in a dive.
 
-    A vehicle that does not glide steadily in the dive flies a steeper, deeper one.
-
-    Raises:
-      InputError: the vehicle's dive cannot be flown.
+    A dive that the balance of forces cannot hold gives way to the nearest that it can. A vehicle
+    that does not glide steadily in the dive flies a steeper, deeper one.
     """
     faults = [
         type(sample).of_size(math.sqrt(sample.sizes[0] * sample.sizes[1]), **choice)
@@ -147,28 +196,46 @@ def signatures_of(vehicle: Vehicle, dive: TypicalDive) -> Signatures:
         for choice in sample.choices(vehicle)
     ]
     flown = [fault for fault in faults if fault.expected(np.zeros((0, 2))) is None]
+    nothing = np.full(len(NAMES), math.nan)
+    best: tuple[TypicalDive | None, list[Array]] = None, [nothing] * (3 + len(flown))
     for more in range(TRIES):
         down, up = (min(p + more * STEEPER, STEEPEST) for p in (dive.pitch, dive.climb_pitch))
-        one, flatter = (
-            dataclasses.replace(
-                dive, depth=dive.depth + more * DEEPER, pitch=down - less, climb_pitch=up - less
-            )
-            for less in (0.0, FLATTER)
+        deeper = dive.depth + more * DEEPER
+        one = held(vehicle, dataclasses.replace(dive, depth=deeper, pitch=down, climb_pitch=up))
+        if one is None:
+            continue
+        flatter = dataclasses.replace(
+            one, pitch=one.pitch - FLATTER, climb_pitch=one.climb_pitch - FLATTER
         )
         cases: list[Case] = [(one, (), 0.0), (flatter, (), 0.0), (one, (), SHEAR)]
-        cases += [(one, (fault,), 0.0) for fault in flown]
-        sound, beside, sheared, *table = _flown_channels(vehicle, cases)
-        if np.isfinite(sound[RATES]).all() or flight_model(vehicle) is None:
+        table = _flown_channels(vehicle, cases + [(one, (fault,), 0.0) for fault in flown])
+        if table is not None and (best[0] is None or np.isfinite(table[0][RATES]).all()):
+            best = one, table
+        if table is not None and (
+            np.isfinite(table[0][RATES]).all() or flight_model(vehicle) is None
+        ):
             break
-    else:
-        raise InputError(
-            f"vehicle {vehicle.name!r} does not glide steadily in the dive that its logs show, nor "
-            f"in one to {one.depth:g} m; give the vehicle that made them with --vehicle"
-        )
+    asked, (sound, beside, sheared, *table) = best
+    leaning = np.where(FLOWN, (sheared - sound) / SHEAR, 0.0)
+    found = [] if asked is None else _differences(vehicle, asked, flown, sound, beside, table)
+    for fault in (one for one in faults if asked is None or one not in flown):
+        found.append(Hypothesis(fault=fault, signature=0.0 * NOISE, scale=abs(fault.size)))
+    return Signatures(hypotheses=tuple(found), sheared=leaning, dive=asked)
+
+
+def _differences(
+    vehicle: Vehicle,
+    dive: TypicalDive,
+    faults: Sequence[Fault],
+    sound: Array,
+    beside: Array,
+    table: Sequence[Array],
+) -> list[Hypothesis]:
+    """Hypotheses of faults by their flights in a dive and by two sound flights."""
     loose = np.nan_to_num(np.abs(beside - sound))
     off = max(math.exp(each[PLACE["heading_error"]]) for each in (sound, beside))
-    found, built = [], healthy(dive_scenario(vehicle, one))
-    for fault, channels in zip(flown, table, strict=True):
+    found, built = [], healthy(dive_scenario(vehicle, dive))
+    for fault, channels in zip(faults, table, strict=True):
         shown = channels - sound
         shown = np.sign(shown) * np.maximum(np.abs(shown) - loose, 0.0)
         signature = shown / (fault.size * (GROWN if fault.grows else 1.0))
@@ -178,34 +245,31 @@ def signatures_of(vehicle: Vehicle, dive: TypicalDive) -> Signatures:
             signature[PLACE["surface_depth"]] = 0.0
         if off > ASTRAY:
             signature[[PLACE[name] for name in TURNING]] = math.nan
-        found.append(Hypothesis(fault=fault, signature=signature, scale=abs(fault.size)))
-    for fault in (one for one in faults if one not in flown):
-        nothing = np.zeros(len(NAMES))
-        found.append(Hypothesis(fault=fault, signature=nothing, scale=abs(fault.size)))
-    leaning = np.where(FLOWN, (sheared - sound) / SHEAR, 0.0)
-    return Signatures(hypotheses=tuple(found), sheared=leaning)
+        # nobody knows at which side of the axis something hangs
+        for share in (1.0, 0.0, -1.0) if fault.kind == "attached" else (1.0,):
+            placed = np.where(np.isin(NAMES, TRIM), share * signature, signature)
+            found.append(Hypothesis(fault=fault, signature=placed, scale=abs(fault.size)))
+    return found
 
 
 Case = tuple[TypicalDive, tuple[Fault, ...], float]
 """Dive, its faults, and the shear across its heading [1/s]"""
 
 
-def _flown_channels(vehicle: Vehicle, cases: Sequence[Case]) -> list[Array]:
-    """Fly dives with their faults; noise-free channels, NaN where one cannot be flown."""
-    scenarios = [dive_scenario(vehicle, *case) for case in cases]
+def _flown_channels(vehicle: Vehicle, cases: Sequence[Case]) -> list[Array] | None:
+    """Fly dives with their faults; noise-free channels, NaN where one with a fault cannot be flown;
+    None where a sound one cannot."""
     calibration = flight_model(vehicle)
     found = [np.full(len(NAMES), math.nan) for _ in cases]
     try:
+        scenarios = [dive_scenario(vehicle, *case) for case in cases]
         for k, one in flown_abreast([Lane(one, until_flown=True) for one in scenarios]):
             if isinstance(one, Trajectory):
                 found[k] = channels_of(told(scenarios[k], one), calibration)
             elif not cases[k][1]:
-                raise one
-    except TwinError as error:
-        raise InputError(
-            f"vehicle {vehicle.name!r}: the dive that its logs show cannot be flown ({error}); "
-            "give the vehicle that made them with --vehicle"
-        ) from error
+                return None
+    except TwinError:
+        return None
     return found
 
 
@@ -220,17 +284,19 @@ def dive_scenario(
         north=(0.0, shear * bottom * math.cos(across)),
         east=(0.0, shear * bottom * math.sin(across)),
     )
+    ascent = Surface(duration_s=120.0, pitch_deg=_ascent_pitch(vehicle))
     mission = Mission(
         segments=(
-            Surface(duration_s=120.0),
+            ascent,
             SawTooth(
                 heading_deg=HEADING, yos=yos, max_depth_m=dive.depth, min_depth_m=8.0,
                 pitch_deg=dive.pitch, climb_pitch_deg=dive.climb_pitch, net_mass_kg=dive.net_mass,
                 climb_net_mass_kg=dive.climb_net_mass,
             ),
-            Surface(duration_s=120.0),
+            ascent,
         ),
         start_heading_deg=HEADING,
+        ascent_pitch_deg=_ascent_pitch(vehicle),
         name="signature",
     )  # fmt: skip
     # water of the density that the vehicle is ballasted for
@@ -276,23 +342,3 @@ def told(scenario: Scenario, flown: Trajectory) -> DiveSignals:
         if isinstance(part, Fin):
             signals["measured_fin"] = signals[f"measured_{part.name}"]
     return DiveSignals(period=scenario.sample_period, signals=signals)
-
-
-def confusable(hypotheses: Sequence[Hypothesis], noise: Array) -> dict[str, set[str]]:
-    """Kinds that cannot be told from each kind, itself included.
-
-    Args:
-      noise: standard deviation of each channel, (channels,); infinite where a log lacks it.
-    """
-    units: dict[str, list[Array]] = {}
-    for one in hypotheses:
-        scaled = np.nan_to_num(np.atleast_2d(one.signature)) * one.scale / noise
-        flat = np.clip(scaled, -30.0, 30.0).ravel()
-        if scaled.shape[0] == 1 and (size := float(np.linalg.norm(flat))) > 0.5:
-            units.setdefault(one.kind, []).append(flat / size)
-    found = {one.kind: {one.kind} for one in hypotheses}
-    for a, mine in units.items():
-        for b, theirs in units.items():
-            if any(abs(float(x @ y)) > LIKE for x in mine for y in theirs):
-                found[a].add(b)
-    return found

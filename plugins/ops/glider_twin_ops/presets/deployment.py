@@ -35,6 +35,7 @@ from factory.sampling import (
     propelled,
     spread_vehicle,
 )
+from glider_twin_ops.presets.pilot import LogGaps, Settings, draw_gaps, draw_settings
 from twin import FlatFloor, Mission, SawTooth, Scenario, SensorSuite, Surface, Trajectory, Vehicle
 from twin.errors import InputError, TwinError
 from twin.faults import FAULTS, Fault, faults_of, read_by
@@ -43,8 +44,9 @@ from twin.numbers import Array
 from twin.physics import Lane, electric_signals, flown_abreast
 from twin.sensors import Dvl
 
-PERIODS = {"faulty": 4.0, "faulty-satellite": 60.0}
-"""[s] Sample period of each preset: of recovered files, and of files sent by satellite"""
+PERIODS = {"faulty": 4.0, "faulty-satellite": 60.0, "piloted": 4.0, "piloted-satellite": 60.0}
+"""[s] Sample period of each preset: of recovered files, and of files sent by satellite; a pilot
+changes the settings of `piloted` ones"""
 DIVES = (20, 60)
 """Fewest and most dives of a deployment, each from fix to fix"""
 HOURS = (2.0, 3.5)
@@ -61,8 +63,9 @@ ABOVE_FLOOR = (20.0, 50.0)
 """[m] Height of the deepest turn above the floor, so that an altimeter hears it"""
 CIRCLING = 3600.0
 """[s] No sound vehicle heads away from its commanded heading for more than half of this time"""
-NOT_DRAWN = ("dvl_beam",)
-"""Faults of instruments that these vehicles lack"""
+NOT_DRAWN = {"faulty": ("dvl_beam", "compass_turned"), "piloted": ("dvl_beam",)}
+"""Faults that deployments do not sample: those of instruments that these vehicles lack, and those
+that are younger than the preset"""
 _KEY = 0xFA17
 """Key of the random streams of deployments"""
 
@@ -95,6 +98,8 @@ class DeploymentDraw:
     parameters: Parameters
     wave_speed: float
     """[m/s] Standard deviation of the vertical water velocity"""
+    gaps: LogGaps = LogGaps()
+    """Samples that the log lacks"""
 
     @property
     def name(self) -> str:
@@ -111,7 +116,9 @@ def _stream(seed: int, *key: int) -> np.random.SeedSequence:
     return np.random.SeedSequence(seed, spawn_key=(_KEY, *key))
 
 
-def fault_kinds(vehicle: Vehicle, wanted: Sequence[str] = ()) -> tuple[str, ...]:
+def fault_kinds(
+    vehicle: Vehicle, wanted: Sequence[str] = (), preset: str = "faulty"
+) -> tuple[str, ...]:
     """Kinds of faults that a vehicle's deployments sample.
 
     Args:
@@ -120,7 +127,8 @@ def fault_kinds(vehicle: Vehicle, wanted: Sequence[str] = ()) -> tuple[str, ...]
     Raises:
       InputError: the vehicle cannot have a wanted kind.
     """
-    possible = tuple(name for name in faults_of(vehicle) if name not in NOT_DRAWN)
+    without = NOT_DRAWN[preset.removesuffix("-satellite")]
+    possible = tuple(name for name in faults_of(vehicle) if name not in without)
     for name in wanted:
         if FAULTS[name].kind not in possible:
             raise InputError(
@@ -151,12 +159,17 @@ class DeploymentPlan:
                 f"{self.vehicle.name!r} has a propeller; choose a glider, such as slocum-200, or "
                 "fly it with `twin simulate --fault`"
             )
-        object.__setattr__(self, "kinds", fault_kinds(self.vehicle, self.kinds))
+        object.__setattr__(self, "kinds", fault_kinds(self.vehicle, self.kinds, self.preset))
 
     @property
     def period(self) -> float:
         """[s] Sample period."""
         return PERIODS[self.preset]
+
+    @property
+    def piloted(self) -> bool:
+        """True where a pilot changes the settings."""
+        return self.preset.startswith("piloted")
 
     @functools.cached_property
     def tables(self) -> tuple[Table, dict[str, Distribution]]:
@@ -178,11 +191,19 @@ class DeploymentPlan:
             name: distributions[name].draw(rng) for name, row in table.items() if row.per_segment
         }
         segment["mission.min_depth_m"] = 8.0
+        dives, settings, gaps = 0, None, LogGaps()
+        if self.piloted:
+            own = np.random.default_rng(_stream(self.seed, index, attempt, 2))
+            dives = int(own.integers(DIVES[0], DIVES[1] + 1))
+            settings = self._settings(segment, dives, own)
+            segment["mission.max_depth_m"] = max(one["max_depth_m"] for one in settings)
         parameters = Parameters(duration_s=3600.0, values=values, segments=(segment,))
         flown = spread_vehicle(self.vehicle, parameters)
         believed = believed_vehicle(self.vehicle, parameters)
-        dives = int(rng.integers(DIVES[0], DIVES[1] + 1))
-        mission, lengths = _mission(segment, dives, believed, values, rng)
+        dives = dives or int(rng.integers(DIVES[0], DIVES[1] + 1))
+        mission, lengths = _mission(segment, dives, believed, values, rng, settings)
+        if settings is not None:
+            gaps = draw_gaps(dives, sum(lengths), own)
         fault, onset = _fault(self, dives, lengths, rng) if faulty else (None, math.nan)
         deepest = max(s.max_depth_m for s in mission.segments if isinstance(s, SawTooth))
         scenario = Scenario(
@@ -212,7 +233,21 @@ class DeploymentPlan:
             sensor_seed=_stream(self.seed, index, attempt, 1),
             parameters=parameters,
             wave_speed=float(rng.uniform(*WAVE_SPEED)),
+            gaps=gaps,
         )
+
+    def _settings(
+        self, segment: dict[str, Any], dives: int, rng: np.random.Generator
+    ) -> list[Settings]:
+        """Settings of each dive, by a pilot."""
+        first = {name: number(segment, f"mission.{name}") for name in SET}
+
+        def check(settings: Settings) -> None:
+            tooth = SawTooth(heading_deg=0.0, yos=1, min_depth_m=8.0, **settings)
+            Mission(segments=(tooth,), name="deployment").compile(self.vehicle)
+
+        _, distributions = self.tables
+        return draw_settings(first, distributions, self.vehicle.rated_depth, dives, check, rng)
 
 
 def faulty_of(seed: int, index: int) -> bool:
@@ -221,37 +256,38 @@ def faulty_of(seed: int, index: int) -> bool:
     return first == (index % 2 == 0)
 
 
+SET = ("max_depth_m", "pitch_deg", "climb_pitch_deg", "net_mass_kg", "climb_net_mass_kg")
+"""Settings of a dive"""
+
+
 def _mission(
     drawn: dict[str, Any],
     dives: int,
     vehicle: Vehicle,
     values: Any,
     rng: np.random.Generator,
+    settings: Sequence[Settings] | None = None,
 ) -> tuple[Mission, list[float]]:
     """Mission, and the approximate duration [s] of each dive with its surface interval."""
-    names = ("max_depth_m", "pitch_deg", "climb_pitch_deg", "net_mass_kg", "climb_net_mass_kg")
-    set_to = {name: number(drawn, f"mission.{name}") for name in (*names, "min_depth_m")}
-    shallow = set_to.pop("min_depth_m")
-    one_yo = 0.0  # [s] duration of a dive and climb at steady speeds
-    for sign, way in ((1.0, ""), (-1.0, "climb_")):
-        pitch, mass = f"{way}pitch_deg", f"{way}net_mass_kg"
-        steady = track_to_follow(
-            vehicle, "deployment", pitch, -sign * set_to[pitch], sign * set_to[mass], None,
-            within_travel=True,
-        )  # fmt: skip
-        one_yo += (set_to["max_depth_m"] - shallow) / abs(steady.vertical_speed)
-    yos = max(1, round(3600.0 * float(rng.uniform(*HOURS)) / one_yo))
+    shallow = number(drawn, "mission.min_depth_m")
+    same = {name: number(drawn, f"mission.{name}") for name in SET}
+    every = [same] * dives if settings is None else settings
+    one_yo = {id(one): _yo_time(vehicle, one, shallow) for one in every}
+    under = 3600.0 * float(rng.uniform(*HOURS))
     heading, left = float(values["mission.start_heading_deg"]), 0
     segments: list[Any] = []
-    for _ in range(dives):
+    lengths = []
+    for dive in every:
         if left == 0:
             heading = (heading + float(rng.uniform(-120.0, 120.0))) % 360.0
             left = int(rng.integers(*LEG))
         left -= 1
-        one = {n: x * (1.0 + JITTER * float(rng.standard_normal())) for n, x in set_to.items()}
-        dive = SawTooth(heading_deg=heading, yos=yos, min_depth_m=shallow, **one)
-        segments += [Surface(duration_s=STAY), dive]
-    lengths = [STAY + yos * one_yo] * dives + [STAY + 300.0]
+        yos = dive.get("yos", max(1, round(under / one_yo[id(dive)])))
+        one = {n: dive[n] * (1.0 + JITTER * float(rng.standard_normal())) for n in SET}
+        tooth = SawTooth(heading_deg=heading, yos=yos, min_depth_m=shallow, **one)
+        segments += [Surface(duration_s=STAY), tooth]
+        lengths.append(STAY + yos * one_yo[id(dive)])
+    lengths.append(STAY + 300.0)
     mission = Mission(
         segments=(*segments, Surface(duration_s=STAY)),
         start_heading_deg=heading,
@@ -260,6 +296,19 @@ def _mission(
         duration_s=sum(lengths),
     )
     return mission, lengths
+
+
+def _yo_time(vehicle: Vehicle, settings: Settings, shallow: float) -> float:
+    """[s] Duration of a dive and climb at steady speeds."""
+    found = 0.0
+    for sign, way in ((1.0, ""), (-1.0, "climb_")):
+        pitch, mass = f"{way}pitch_deg", f"{way}net_mass_kg"
+        steady = track_to_follow(
+            vehicle, "deployment", pitch, -sign * settings[pitch], sign * settings[mass], None,
+            within_travel=True,
+        )  # fmt: skip
+        found += (settings["max_depth_m"] - shallow) / abs(steady.vertical_speed)
+    return found
 
 
 def _fault(

@@ -189,8 +189,15 @@ def log_of(draw: DeploymentDraw, signals: dict[str, Array], plan: DeploymentPlan
         if known not in VARIABLES or known.startswith(UNLOGGED) or known.endswith("_rate"):
             continue
         finite = np.isfinite(values)
-        if finite.any() and (plan.preset == "faulty" or known in SATELLITE_SIGNALS):
+        if finite.any() and (plan.period < 60.0 or known in SATELLITE_SIGNALS):
             channels[known] = Channel(time[finite], values[finite])
+    if (turned := draw.fault) is not None and turned.kind == "compass_turned":
+        # guidance holds the reading: the vehicle flew true headings, and was ordered turned ones
+        wanted = signals["commanded_heading"] + turned.at(signals["time"])
+        channels["commanded_heading"] = Channel.finite(time, np.mod(wanted, 360.0))
+    dive = np.nan_to_num(signals["commanded_segment"]).astype(int) // 2
+    if plan.piloted:
+        channels = draw.gaps.applied(channels, time, dive)
     north, east = signals["measured_gps_north"], signals["measured_gps_east"]
     fixed = np.flatnonzero(np.isfinite(north))
     origin = place.latitude_deg, place.longitude_deg
@@ -201,6 +208,7 @@ def log_of(draw: DeploymentDraw, signals: dict[str, Array], plan: DeploymentPlan
         channels=channels,
         fixes=LoggedFixes(time[fixed], latitude, wrap_longitude(longitude)),
         magnetic_variation=EMPTY,
+        auxiliary=draw.gaps.ran(time, dive),
         simulated=True,
         station=True,
     )

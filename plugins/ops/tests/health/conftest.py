@@ -24,9 +24,9 @@ def slocum():
     def judge(values, ways=np.nan, threshold=3.0, **said):
         count = len(values)
         usual = {"name": "one", "numbers": range(1, count + 1), "time": 1.08e4 * np.arange(count)}
-        ways = np.full((count, 2), ways)
-        shared = {"dive": dive, "vehicle": vehicle, "threshold": threshold}
-        return judged(values=values, ways=ways, **shared, **usual | said)
+        ways = ways if np.ndim(ways) else np.full((count, 2), ways)
+        usual |= {"dive": dive, "vehicle": vehicle, "threshold": threshold}
+        return judged(values=values, ways=ways, **usual | said)
 
     return SimpleNamespace(
         vehicle=vehicle, dive=dive, signatures=signatures, fault=fault, judge=judge

@@ -8,11 +8,19 @@ import pytest
 
 import twin
 from glider_twin_ops.health import CHANNELS, DeploymentHealth, KindVerdict
-from glider_twin_ops.health.assessment import flown_signatures, remarks_of
-from glider_twin_ops.health.channels import NAMES, NOISE, PLACE
+from glider_twin_ops.health.assessment import flown_signatures
+from glider_twin_ops.health.channels import (
+    NAMES,
+    NOISE,
+    ORDERED,
+    PLACE,
+    groups_of,
+    ordered_steps,
+)
 from glider_twin_ops.health.deployment_dives import changes_of
 from glider_twin_ops.health.dive_channels import DiveSignals, channels_of, flight_model
-from glider_twin_ops.health.judgement import STEP, follow, rings
+from glider_twin_ops.health.judgement import follow, rings
+from glider_twin_ops.health.remarks import remarks_of
 from glider_twin_ops.health.signatures import usual_dive
 
 DIVES = 20
@@ -32,22 +40,33 @@ def dive(depth=100.0, pitch=26.0, pump=200.0, **more):
 
 
 def test_a_change_of_the_dive_counts_by_depth_pitch_and_volume():
-    found = changes_of(
+    found = np.abs(changes_of(
         [dive(), dive(102.0), dive(300.0), dive(300.0, 32.0), dive(300.0, 32.0, 150)]
-    )
-    assert found[0] == 0.0
-    assert found[1] < 1.0 < min(found[2:])
+    ))  # fmt: skip
+    assert not found[0].any()
+    assert found[1].max() < 1.0
+    # depth; pitches; volumes, each in its own columns
+    changed = [np.flatnonzero(row > 1.0).tolist() for row in found[2:]]
+    assert changed == [[0], [1, 3], [2, 4]]
+    assert groups_of(found)[2:].nonzero()[1].tolist() == [0, 1, 2]
+
+
+def test_what_changed_over_a_test_dive_counts_after_it():
+    dives = [dive(), dive(10.0, test=True), dive(10.0, powered=True), dive(102.0)]
+    found = np.abs(changes_of(dives))
+    assert found[1, 0] > 1.0
+    assert found[3].max() < 1.0
 
 
 def test_a_level_may_step_where_the_dive_was_changed_and_nowhere_else(noise):
     seen = noise()
     seen[10:] += 3.0 * NOISE
-    changes = np.zeros(DIVES)
-    changes[10] = 4.0
-    same, changed = follow(seen), follow(seen, changes)
+    changes = np.zeros((DIVES, 5))
+    changes[10, 0] = -4.0
+    same, changed = follow(seen), follow(seen, ordered_steps(changes))
     assert np.array_equal(same.innovation[1:10], changed.innovation[1:10])
     ratio = np.sqrt(changed.expected[10] / same.expected[10])
-    assert ratio == pytest.approx(np.full(len(NAMES), 3.0 * STEP), rel=0.5)
+    assert ratio == pytest.approx(np.full(len(NAMES), 3.0 * ORDERED), rel=0.5)
     assert np.abs(changed.innovation[10:]).mean() < 0.6 * np.abs(same.innovation[10:]).mean()
 
 
@@ -145,15 +164,19 @@ def test_what_shows_in_a_loud_channel_comes_first(slocum, noise):
 
 
 def test_remarks_name_thruster_rudder_and_the_pilots_changes(slocum, noise):
-    seen, changes = noise(), np.zeros(DIVES)
+    seen, changes = noise(), np.zeros((DIVES, 5))
     seen[:, PLACE["turn_dive"]], seen[:, PLACE["turn_climb"]] = -14.0, -11.0
-    changes[[3, 4, 9]] = 2.0
+    changes[[3, 4, 9], [0, 1, 4]] = 2.0
     powered = [d >= 18 for d in range(DIVES)]
-    thruster, leaning, changed = remarks_of(range(DIVES), seen, changes, powered, slocum.vehicle)
+    tests = [d < 2 for d in range(DIVES)]
+    thruster, tested, leaning, changed = remarks_of(
+        range(DIVES), seen, changes, powered, tests, slocum.vehicle
+    )
+    assert tested.endswith("judged: dives 0 to 1.")
     assert "thruster drove dives 18 to 19" in thruster
     assert "rudder at -14 degrees in dives and -11 in climbs" in leaning
     assert "dives 3 to 4, 9:" in changed
-    assert remarks_of(range(DIVES), noise(), np.zeros(DIVES), [], slocum.vehicle) == ()
+    assert remarks_of(range(DIVES), noise(), np.zeros((DIVES, 5)), [], [], slocum.vehicle) == ()
 
 
 def test_signatures_are_of_the_water_that_the_vehicle_is_ballasted_for(slocum):

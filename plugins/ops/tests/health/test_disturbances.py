@@ -93,7 +93,7 @@ def test_the_turn_onto_a_new_leg_is_no_error_of_the_heading():
 
 def odds(glider, values, ways):
     changes = steps_in_shear(glider.sheared, ways, DAYS, 100.0)
-    levels = follow(values, None, changes)
+    levels = follow(values, changes)
     found = judge(levels, DAYS, glider.in_dives(ways), standing(ways, DAYS))
     return found, dict(zip(found.kinds, found.probability, strict=True))
 

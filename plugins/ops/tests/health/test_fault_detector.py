@@ -11,7 +11,7 @@ from glider_twin_ops.health.fault_detector import FIRST, features
 from twin.errors import InputError
 
 DIVES, BEGUN = 30, 14
-SHOWN = {"hotel_raised": ("hotel", 0.2), "wing_lost": ("roll_climb", 2.0)}
+SHOWN = {"hotel_raised": ("hotel", 0.4), "wing_lost": ("roll_climb", 3.0)}
 
 
 def deployment(seed, kind):

@@ -1,5 +1,6 @@
 """Deployments with and without a fault: exactly half, the same draw of the same seed."""
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +11,8 @@ from factory.importing.dives.dive_store import build
 from glider_twin_ops.presets import deployments
 from glider_twin_ops.presets.deployment import DeploymentPlan, check_steered, fault_kinds, faulty_of
 from glider_twin_ops.presets.deployments import first_draw
-from twin import load_vehicle
+from glider_twin_ops.presets.pilot import LogGaps
+from twin import SawTooth, load_vehicle
 from twin.errors import InputError, MissionError, TwinError
 
 
@@ -118,3 +120,40 @@ def test_a_propelled_vehicle_has_no_deployments_of_a_glider(tmp_path):
     with pytest.raises(InputError, match="'remus' has a propeller; choose a glider"):
         deployments.make_deployments(tmp_path / "none.zarr", vehicle="remus", hours=2.0)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_pilot_changes_settings_and_the_log_has_gaps():
+    """Depths from 20 m to the rated one, blocks of equal settings, test dives with one yo."""
+    plan = DeploymentPlan(vehicle=load_vehicle("slocum-200"), preset="piloted", seed=5)
+    teeth, gaps = [], []
+    for index in range(12):
+        draw = first_draw(plan, index)
+        assert draw.scenario.mission == first_draw(plan, index).scenario.mission
+        teeth.append([s for s in draw.scenario.mission.segments if isinstance(s, SawTooth)])
+        gaps.append(draw.gaps)
+    depths = np.array([tooth.max_depth_m for each in teeth for tooth in each])
+    assert depths.min() < 30.0
+    assert 150.0 < depths.max() < 200.0 * 1.15  # jitter of 3 % about the rated depth
+    for each in teeth:
+        changes = np.abs(np.diff([math.log(tooth.max_depth_m) for tooth in each]))
+        assert np.median(changes) < 0.1 < changes.max()
+    assert any(each[0].yos == 1.0 and each[0].max_depth_m < 70.0 for each in teeth)
+    for name in ("thruster", "without_ctd", "lost"):
+        having = sum(bool(getattr(one, name)) for one in gaps)
+        assert 0 < having < len(gaps)
+    assert "compass_turned" in plan.kinds
+    assert "compass_turned" not in DeploymentPlan(vehicle=plan.vehicle).kinds
+
+
+def test_gaps_take_samples_out_and_a_thruster_is_in_the_log():
+    time, dive = 1e9 + 10.0 * np.arange(100), np.arange(100) // 10
+    names = ("measured_depth", "measured_temperature")
+    channels = {name: Channel(time, np.ones(100)) for name in names}
+    gaps = LogGaps(thruster=(2,), without_ctd=(5, 6), lost=((300.0, 400.0),))
+    found = gaps.applied(channels, time, dive)
+    left = {name: set(((one.time - time[0]) // 100.0).tolist()) for name, one in found.items()}
+    assert left["measured_depth"] == set(range(10)) - {3}
+    assert left["measured_temperature"] == set(range(10)) - {3, 5, 6}
+    ran = gaps.ran(time, dive)["thruster"]
+    assert np.array_equal(ran.values > 0.0, dive == 2)
+    assert LogGaps().ran(time, dive) == {}
