@@ -35,7 +35,7 @@ class DailyPage(Page):
         chart = Markup()
         if told.surfacings is not None or told.legs:
             goal = "last course" if told.arrival is None else "waypoint {}"
-            drawn = surfacing_map.draw_map(told.surfacings, told.legs, start="last fix", goal=goal)
+            drawn = surfacing_map.draw_map(told.surfacings, told.legs, start="fix", goal=goal)
             form = "<figure>{}<figcaption>{}</figcaption></figure>\n<script>{}</script>"
             script = Markup(surfacing_map.SCRIPT)
             chart = Markup(form).format(Markup(drawn), MAP_CAPTION, script)

@@ -298,11 +298,11 @@ def _health(page: Page, morning: Morning, health: DeploymentHealth) -> None:
             [
                 {
                     "channel": CHANNELS[k].name,
+                    "in words": words.get(CHANNELS[k].name) or f"{CHANNELS[k].says}: not known now",
                     "level": float(health.levels.level[-1, k]),
                     "deviation": float(health.levels.deviation[-1, k]),
                     "unit": CHANNELS[k].unit,
                     "last innovation": last[k],
-                    "in words": words.get(CHANNELS[k].name) or f"{CHANNELS[k].says}: not known now",
                 }
                 for k in told
             ],

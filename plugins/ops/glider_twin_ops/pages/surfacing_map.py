@@ -35,7 +35,7 @@ COLOURS = ("#0072b2", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#e69f00")
 """Colours of surfacings in turn: Okabe and Ito's, which colour-blind readers can distinguish"""
 CLOSE = 4
 """Number of last dives that the first view holds, and whose currents have arrows"""
-LONGEST_ARROW, HEAD = 90.0, 9.0
+LONGEST_ARROW, HEAD = 90.0, 15.0
 """[px] Length of the strongest current's arrow, and of an arrow's head"""
 ROUND_SPEEDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 """[m/s] Speeds of the arrow in the key"""
@@ -194,7 +194,7 @@ def _arrows(frame: MapFrame, dives: Array, legs: Sequence[LoggedLeg]) -> list[st
         for (x, y), (north, east) in zip(middles, currents[known], strict=True)
     ]
     speed = max(one for one in ROUND_SPEEDS if one <= most)
-    right, y = WIDTH - 24.0, 58.0
+    right, y = WIDTH - 24.0, 80.0
     left = right - scale * speed
     name = _label("", left, y + 4.0, f"current {speed:g} m/s", True)
     return [*parts, _arrow(left, y, right - left, 0.0), "</g>", name]
@@ -226,7 +226,7 @@ def _targets(frame: MapFrame, targets: Array, goal: str) -> list[str]:
             way = 26.0 * off / np.hypot(*off)
             x, y = off / beyond + [0.5 * WIDTH, 0.5 * HEIGHT] - way
             parts.append(f'<g class="bound">{_arrow(x, y, *way)}</g>')
-            parts.append(_label("", x, y + 20.0, goal.format(k), bool(way[0] > 0.0)))
+            parts.append(_label("later", x, y + 20.0, goal.format(k), bool(way[0] > 0.0)))
     return parts
 
 
@@ -296,7 +296,7 @@ def _scale_bar(metres_per_pixel: float) -> str:
     power = 10.0 ** math.floor(math.log10(rough))
     metres = max(m * power for m in (1.0, 2.0, 5.0) if m * power <= rough)
     name = f"{metres / 1e3:g} km" if metres >= 1e3 else f"{metres:g} m"
-    right, y = WIDTH - 24.0, 30.0
+    right, y = WIDTH - 24.0, 46.0
     left = right - metres / metres_per_pixel
     return (
         f'<g class="scale"><path d="M{left:.1f} {y - 5:g}V{y:g}H{right:g}V{y - 5:g}"/>'
