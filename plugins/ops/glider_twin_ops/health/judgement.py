@@ -233,7 +233,7 @@ def judge(
         size_deviation=sizes[:, 1],
         best=tuple(best),
         standing=(
-            np.linalg.solve(precision, told_always),
+            np.asarray(np.linalg.solve(precision, told_always), float),
             np.sqrt(np.diag(np.linalg.inv(precision))),
         ),
     )

@@ -47,7 +47,8 @@ def remarks_of(
                     f"{up:.0f} in climbs: an asymmetry of the hull or the trim, or the zero of "
                     "that drive."
                 )
-    if changes is not None and (ordered := (np.abs(changes) > 1.0).any(axis=1)).any():
+    ordered = [] if changes is None else [bool((np.abs(row) > 1.0).any()) for row in changes]
+    if any(ordered):
         found.append(
             "Depth, pitch or pumped volume were changed in "
             f"{_dives(list(itertools.compress(numbers, ordered)))}: what changes there with "
