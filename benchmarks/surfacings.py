@@ -113,7 +113,7 @@ def neutral() -> Priors:
     def alike(priors: Mapping[str, Prior]) -> dict[str, Prior]:
         return {n: Prior(1.0, 1.0 if n in (FILTER, BESIDE, BOTH) else NEUTRAL) for n in priors}
 
-    pools = {name: alike(getattr(shipped, name)) for name in POOLS}
+    pools: dict[str, Any] = {name: alike(getattr(shipped, name)) for name in POOLS}
     return dataclasses.replace(shipped, **pools)
 
 
@@ -139,10 +139,12 @@ def learned(deployments: Sequence[DeploymentHindcast]) -> Priors:
             found[name] = Prior(round(float(np.mean(known)) + ALIVE, 2), float(f"{scale:.2g}"))
         return found
 
-    pools = {name: pooled(name, at, getattr(start, name)) for name, at in POOLS.items()}
+    pools: dict[str, Any] = {
+        name: pooled(name, at, getattr(start, name)) for name, at in POOLS.items()
+    }
     priors = Priors(**pools)
     again = [forecast_again(one, priors) for one in taught]
-    reaches = {
+    reaches: dict[str, Any] = {
         f"{which}_reach": radii([[j.distance for j in judged(one, which)] for one in again])
         for which in ("surfacing", "current")
     }

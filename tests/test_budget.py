@@ -24,49 +24,49 @@ SLACK = 150
 """Lines that a room may have less than its row says before the row is lowered"""
 
 ROOMS = {
-    "benchmarks": (11520, 84800),
+    "benchmarks": (12073, 89574),
     "factory": (1549, 11674),
-    "factory/commands": (993, 5896),
-    "factory/exporting": (2133, 12171),
-    "factory/generation": (1834, 10520),
-    "factory/importing": (12635, 90862),
+    "factory/commands": (992, 5905),
+    "factory/exporting": (2124, 12171),
+    "factory/generation": (1831, 10520),
+    "factory/importing": (12627, 90851),
     "factory/samples": (774, 5625),
-    "factory/sampling": (2480, 14279),
-    "learn": (1717, 9232),
+    "factory/sampling": (2479, 14279),
+    "learn": (1712, 9232),
     "learn/commands": (520, 2957),
-    "learn/data": (1638, 9666),
-    "learn/evaluation": (1402, 8752),
-    "learn/networks": (2428, 14158),
-    "learn/report": (1677, 10955),
+    "learn/data": (1636, 9667),
+    "learn/evaluation": (1399, 8752),
+    "learn/networks": (2418, 14158),
+    "learn/report": (1675, 10955),
     "learn/training": (2482, 15078),
-    "plugins": (18438, 128354),
-    "scripts": (2025, 13653),
-    "tests": (63188, 544029),
-    "twin": (2339, 12185),
+    "plugins": (19837, 138922),
+    "scripts": (2025, 13650),
+    "tests": (64869, 561345),
+    "twin": (2352, 12481),
     "twin/checks": (1318, 8696),
-    "twin/cli": (1329, 8059),
-    "twin/commands": (2194, 12466),
+    "twin/cli": (1328, 8059),
+    "twin/commands": (2203, 12564),
     "twin/compiled": (1267, 7267),
     "twin/control": (4126, 24587),
-    "twin/faults": (1175, 6408),
+    "twin/faults": (1205, 6569),
     "twin/fossen": (2501, 18700),
-    "twin/identify": (7811, 54411),
+    "twin/identify": (7909, 55366),
     "twin/logs": (2803, 19239),
     "twin/mission": (4443, 28503),
-    "twin/navigation": (6513, 38254),
-    "twin/physics": (5826, 40148),
-    "twin/records": (4977, 28858),
+    "twin/navigation": (6502, 38260),
+    "twin/physics": (5827, 40148),
+    "twin/records": (4971, 28858),
     "twin/sensors": (3430, 22469),
-    "twin/show": (10177, 62916),
+    "twin/show": (10203, 63216),
     "twin/vehicle": (4678, 30939),
-    "twin/water": (4900, 33065),
+    "twin/water": (4903, 33073),
 }
 """Of a room: most lines of all its text files, docstrings and blank lines included, and most Python
 tokens, so that longer lines win nothing"""
-MODULES = 520
+MODULES = 526
 LONGEST_FUNCTION, USUAL_FUNCTION = 187, 39
 """Lines of the longest function of the product, and of the 95th percentile"""
-OWN_IMPORTS = 6.41
+OWN_IMPORTS = 6.38
 """Distinct own modules that a file of the product imports, in the mean; where small modules were
 joined, a file imports more and all files together less"""
 RADIUS = {"factory generate": (78, 808), "learn fit": (173, 1861)}

@@ -186,7 +186,7 @@ def _flight(dive: DiveSignals, depth: Array, calibration: Calibration) -> dict[s
     moved = None
     if log.shift is not None:
         pump, battery = vehicle.steered("buoyancy"), vehicle.battery
-        assert isinstance(pump, Pump)  # as of every vehicle with a flight model
+        assert isinstance(pump, Pump)
         constant, slope, _ = vehicle.flow_frame.pitch_moment
         if vehicle.added_mass_coupling:
             slope += vehicle.added_mass[2, 2] - vehicle.added_mass[0, 0]

@@ -233,8 +233,8 @@ def judge(
         size_deviation=sizes[:, 1],
         best=tuple(best),
         standing=(
-            np.asarray(np.linalg.solve(precision, told_always), np.float64),
-            np.asarray(np.sqrt(np.diag(np.linalg.inv(precision))), np.float64),
+            np.asarray(np.linalg.solve(precision, told_always), float),
+            np.sqrt(np.diag(np.linalg.inv(precision))),
         ),
     )
 

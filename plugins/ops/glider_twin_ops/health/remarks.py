@@ -47,12 +47,12 @@ def remarks_of(
                     f"{up:.0f} in climbs: an asymmetry of the hull or the trim, or the zero of "
                     "that drive."
                 )
-    rows = [] if changes is None else list(changes)
-    changed = [number for number, row in zip(numbers, rows, strict=False) if max(abs(row)) > 1.0]
-    if changed:
+    ordered = [] if changes is None else [bool((np.abs(row) > 1.0).any()) for row in changes]
+    if any(ordered):
         found.append(
-            f"Depth, pitch or pumped volume were changed in {_dives(changed)}: what changes there "
-            "with them counts as the pilot's."
+            "Depth, pitch or pumped volume were changed in "
+            f"{_dives(list(itertools.compress(numbers, ordered)))}: what changes there with "
+            "them counts as the pilot's."
         )
     found += [
         f"In dive {numbers[-1]} {channel.name} was {abs(off):.0f} deviations off its level "
