@@ -224,7 +224,8 @@ def test_the_mail_of_a_watch_is_lines_that_can_be_read():
     marks = "\x1b]0;owned\x07\x9b2J\u202e"
     said = SimpleNamespace(
         verdict=f"attention{marks}\nall is well", dives=(), legs=(), last_fix=None, dialogue=None,
-        surfacings=None, used=None, missing=[f"file{marks}.dbd: cut"], deployment="x",
+        surfacings=None, used=None, arrival=None, health=None, readings=(),
+        missing=[f"file{marks}.dbd: cut"], deployment="x",
     )  # fmt: skip
     text = summary(said, [f"new: {marks}"])
     assert all(one.isprintable() or one == "\n" for one in text)
