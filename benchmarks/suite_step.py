@@ -1,6 +1,6 @@
 """Suite step: cost of an environment step [us] and of its bare physics.
 
-With --rewards it prints the mean rewards of the suite's policies instead.
+    python -m benchmarks.suite_step [--rewards]    # mean rewards of the policies instead
 """
 
 from __future__ import annotations
