@@ -178,7 +178,7 @@ class Judged(NamedTuple):
         return int(over[0]) if over.size else None
 
     def in_time(self, name: str, level: float) -> bool:
-        """Whether a detectable fault was detected in time, and not before its onset."""
+        """True if a detectable fault was detected in time, and not before its onset."""
         at = self.first(name, level)
         if at is None or self.seen is None or self.onset is None:
             return False

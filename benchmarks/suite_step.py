@@ -1,6 +1,8 @@
 """Suite step: cost of an environment step [us] and of its bare physics.
 
-    python -m benchmarks.suite_step [--rewards]    # mean rewards of the policies instead
+    python -m benchmarks.suite_step [--rewards]
+
+With --rewards it prints the mean rewards of the suite's policies instead.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ SLACK = 150
 """Lines that a room may have less than its row says before the row is lowered"""
 
 ROOMS = {
-    "benchmarks": (12073, 89574),
+    "benchmarks": (12075, 89574),
     "factory": (1549, 11674),
     "factory/commands": (992, 5905),
     "factory/exporting": (2124, 12171),

@@ -7,7 +7,7 @@ from benchmarks.surfacings import radii
 
 
 def test_a_further_deployment_is_held_as_often_as_said():
-    """Of errors whose size is another in each deployment, long ones or short ones."""
+    """Errors differ in size between deployments, long ones or short ones."""
     rng = np.random.default_rng(4)
     held = []
     for _ in range(400):

@@ -67,7 +67,7 @@ def test_a_kept_value_adds_the_change_that_its_usual_error_makes(logs, kept):
 
 
 def test_depth_rates_are_those_of_the_measured_density(flown):
-    """By standard ocean alone they are 0.1 to 0.6 % too slow in this water."""
+    """Depth rates of the standard ocean are 0.1 to 0.6 % too slow in this water."""
     true, water = flown["true_depth"].astype(float), flown["true_density"].astype(float)
     pressure = simulated.THERMOCLINE.pressure(true, latitude=30.0)
     signals = {n: v.astype(float) for n, v in flown.signals.items() if n.startswith("measured_")}

@@ -195,7 +195,7 @@ def test_published_vehicles_are_near(name):
 
 
 def test_derivatives_grow_with_the_size_of_a_similar_vehicle():
-    """Of twice the length in all: forces by area, moments by volume; rates bring a length each."""
+    """Twice the length in all: forces by area, moments by volume; rates bring a length each."""
     size = {"length": 1.33, "diameter": 0.19, "mass": 30.5}
     small = Dimensions(**size).derivatives()
     large = Dimensions(length=2.66, diameter=0.38, mass=8.0 * 30.5).derivatives()

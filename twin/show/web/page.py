@@ -204,7 +204,7 @@ def _unix(trajectory: Trajectory) -> float | None:
 
 
 def _place(trajectory: Trajectory) -> dict[str, Any] | None:
-    """Constants by which the page computes latitude and longitude, as `geographic_position` does;
+    """Constants by which the page computes latitude and longitude, to second order in distance;
     None if the place is unknown or only nominal.
     """
     said = trajectory.provenance

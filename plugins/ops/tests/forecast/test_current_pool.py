@@ -159,7 +159,7 @@ def drawn(pool, count):
 
 @pytest.mark.parametrize("certain", [None, PERSISTENCE, FILTER])
 def test_drawn_currents_have_the_mean_and_the_variance_that_the_pool_states(certain):
-    """Of the whole mixture, and of one model alone: its heavy tails belong to its variance."""
+    """Moments of the mixture, and of one model alone, whose heavy tails widen its variance."""
     priors = CURRENT_PRIORS if certain is None else {
         name: Prior(1.0 if name == certain else 1e-9, one.scale)
         for name, one in CURRENT_PRIORS.items()

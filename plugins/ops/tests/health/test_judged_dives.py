@@ -87,7 +87,7 @@ def test_fewer_than_five_channels_give_levels_and_no_alarm(slocum, noise):
 
 
 def test_drag_alone_is_named_as_drag_and_a_wing_by_its_roll(slocum, noise):
-    """What hangs on the vehicle may hang on its axis: then only the rates change."""
+    """An attached object may hang on the axis: then only the rates change."""
     rates = [PLACE[name] for name in ("rate_dive", "rate_climb")]
     seen = noise()
     seen[12:, rates] -= 0.12
