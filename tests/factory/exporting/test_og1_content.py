@@ -164,6 +164,24 @@ def test_flight_terms_and_currents_are_those_of_the_flight_model(og1, store):
         assert 0.1 < np.median(speed) < 0.6
 
 
+def test_the_bounds_are_a_closed_ring_of_latitude_and_longitude(og1):
+    """EPSG:4326 names the latitude first; the ring goes round the box of the limits once."""
+    with netCDF4.Dataset(og1) as file:
+        text, name = file.geospatial_bounds, file.geospatial_bounds_crs
+        limits = {n: getattr(file, f"geospatial_{n}") for n in
+                  ("lat_min", "lat_max", "lon_min", "lon_max")}  # fmt: skip
+        assert limits["lat_min"] == pytest.approx(np.nanmin(file["LATITUDE"][:]))
+        assert limits["lon_max"] == pytest.approx(np.nanmax(file["LONGITUDE"][:]))
+    assert name == "EPSG:4326"
+    inner = text.removeprefix("POLYGON ((").removesuffix("))")
+    ring = np.array([[float(word) for word in pair.split()] for pair in inner.split(", ")])
+    assert ring.shape == (5, 2)
+    np.testing.assert_array_equal(ring[0], ring[-1])
+    south, north, west, east = (round(limits[n], 5) for n in limits)
+    assert {tuple(one) for one in ring} == {(a, b) for a in (south, north) for b in (west, east)}
+    assert np.count_nonzero(np.diff(ring, axis=0)) == 4  # along one side at a time
+
+
 def test_vertical_velocity_is_up_in_climbs_and_down_in_dives(og1):
     with netCDF4.Dataset(og1) as file:
         depth, time, up = (

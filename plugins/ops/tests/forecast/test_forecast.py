@@ -336,6 +336,18 @@ def test_what_is_said_to_be_drawn_is_what_is_drawn():
     assert "+-6.0 %" in said["speed"]  # and not the scatter of ten members
 
 
+def test_members_fly_to_starboard_where_the_compass_was_known_to_read_too_little(monkeypatch):
+    """True heading less reading is 20 degrees: the reading is held, so that all turns right."""
+    known = np.radians(20.0), 1e-9
+    monkeypatch.setattr("glider_twin_ops.forecast.members.known_compass", lambda _: known)
+    one = members_of(asked(hours=0.5, members=10), prior()).scenarios[0]
+    run = twin.simulate(dataclasses.replace(one, current=None))
+    first, last = np.searchsorted(run.time, (600.0, 1400.0))  # of a dive to the north
+    north, east = (run[f"true_{axis}"][last] - run[f"true_{axis}"][first]
+                   for axis in ("north", "east"))  # fmt: skip
+    assert np.degrees(np.arctan2(east, north)) == pytest.approx(20.0, abs=2.0)
+
+
 def test_a_file_of_another_time_is_refused_with_the_way_out(tmp_path):
     axes = {"time": [np.datetime64("2026-11-20", "ns")], "latitude": [36.0, 38.0],
             "longitude": [-124.0, -121.0]}  # fmt: skip
