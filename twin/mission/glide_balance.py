@@ -16,7 +16,7 @@ import math
 import operator
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -74,6 +74,14 @@ class VehiclePolar:
         for part in vehicle.parts:
             wrench = wrench + part.wrench(part.rest, nu_r, density, 1e3)
         return polar_of_wrench(wrench, alpha)
+
+    def drag_over_lift(self, angles: Array) -> Array:
+        """Drag divided by lift at angles of attack [rad], same shape."""
+        if is_flow_frame(self._vehicle.law):  # its formulas take arrays; every plan asks for 400
+            polar = cast("Any", self._vehicle.law.polar)(angles, self._vehicle.reference_density)
+            return np.asarray(polar.drag / polar.lift)
+        polars = [self.at(alpha) for alpha in angles.tolist()]
+        return np.array([one.drag / one.lift for one in polars])
 
 
 DEEP = 1e3
@@ -235,7 +243,7 @@ def steady_glide(vehicle: Vehicle, pitch: float, net_mass: float) -> SteadyGlide
         drag, lift, _ = polar.at(alpha)
         return alpha - math.atan(drag / lift)
 
-    pitches = np.abs([pitch_at(alpha) for alpha in angles.tolist()])
+    pitches = np.abs(angles - np.arctan(polar.drag_over_lift(angles)))
     shallowest = int(np.argmin(pitches))
     if abs(pitch) < pitches[shallowest]:
         raise MissionError(
