@@ -1,5 +1,6 @@
 """What an OG1.0 file of a log holds: metadata, flight terms, raw times, flags; what comes back."""
 
+import math
 from types import SimpleNamespace
 
 import gsw
@@ -22,6 +23,7 @@ from factory.exporting.og1.flight_terms import (
     flight_terms,
     flown,
 )
+from factory.exporting.og1.og1_terms import simulated_mission
 from factory.generation.generated_store import open_exportable
 from factory.samples import Flight
 from factory.samples.gliders import write_seaglider
@@ -269,6 +271,10 @@ def test_without_a_flight_model_the_track_is_the_vehicle_s_own_or_straight(store
         found.tracks[0].position[-1] * half / (len(found.tracks[0].position) - 1),
         rtol=1e-6,
     )
+    # 3 cm/s from dive to dive of 2 h: halfway between fixes 76 m, and as the root of the time
+    passed = np.ptp(bare.time(0)[found.tracks[0].fixes.sample])
+    halfway = math.hypot(5.0, 0.03 * math.sqrt(7200.0 * passed / 8.0))
+    assert found.tracks[0].deviation[half] == pytest.approx(halfway, rel=1e-3)
     way = np.cumsum(np.ones(data["measured_pitch"].shape), axis=1)
     data["measured_onboard_north"] = (("mission", "time"), way)
     data["measured_onboard_east"] = (("mission", "time"), 0.0 * way)
@@ -291,6 +297,7 @@ def test_a_flight_of_twin_simulate_is_corrected_too(tmp_path):
         ]
         error = np.hypot(*metres)
         assert error.max() < 40.0
+        assert simulated_mission(run, 0).duration == pytest.approx(np.ptp(file["TIME"][:]))
         fixed = np.asarray(file["DEAD_RECKONING"][:]) == 0
         assert fixed.any()
         gps = np.asarray(file["LATITUDE_GPS"][:])[fixed]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from twin.identify import identify, load_calibration, load_logs
-from twin.identify.comparison import LEAST_GAIN, PRIOR, Gain, left_out
+from twin.identify.comparison import LEAST_GAIN, PRIOR, Gain, left_out, shares
 from twin.identify.pitch import PITCHING
 from twin.identify.residuals import dive_residuals, noise_of_dives
 from twin.identify.rollout import refine
@@ -185,3 +185,8 @@ def test_a_dives_residuals_change_as_their_jacobian_says(dives, which):
         "righting_arm": ["pitch", "yaw_rate"],
         "yaw_damping": ["yaw_rate"],
     }[parameter.name]
+
+
+def test_an_outlier_of_three_deviations_counts_half_and_of_nine_a_tenth():
+    (kept,) = shares([np.array([0.0, 0.6, -0.6, 1.8])], 0.2)
+    np.testing.assert_allclose(kept, [1.0, 0.5, 0.5, 0.1])
