@@ -115,7 +115,7 @@ def _no_deeper(mission: Mission, most: float) -> Mission:
     def bounded(one: Segment) -> Segment:
         depths = {name: getattr(one, name, None) for name in DEPTHS}
         deep = {name: most for name, depth in depths.items() if depth and depth > most}
-        return dataclasses.replace(one, **deep)  # type: ignore[arg-type]
+        return dataclasses.replace(one, **deep)
 
     return dataclasses.replace(mission, segments=tuple(map(bounded, mission.segments)))
 
