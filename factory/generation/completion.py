@@ -113,7 +113,7 @@ Array = tuple[str, NDArray[Any], Mapping[str, Any]]
 
 
 def mission_arrays(recipe: Recipe, missions: Sequence[FlownMission]) -> Iterator[Array]:
-    """Yield the arrays over missions, except the plan's and parameters that nobody sampled or set."""
+    """Yield the arrays over missions, except the plan and parameters that nobody sampled or set."""
     counted: dict[str, NDArray[Any]] = {
         names.N_SAMPLES: np.array([flown.samples for flown in missions], np.int32),
         names.ATTEMPT: np.array([flown.attempt for flown in missions], np.int16),
