@@ -16,7 +16,7 @@ from twin.identify.comparison import (
     shares,
 )
 from twin.identify.pitch import PITCHING
-from twin.identify.residuals import dive_residuals, noise_of_dives
+from twin.identify.residuals import DepthRates, dive_residuals, noise_of_dives
 from twin.identify.rollout import refine
 from twin.identify.turning_fit import TURNING
 from twin.identify.unknowns import choose
@@ -210,3 +210,22 @@ def test_correlated_residuals_count_as_many_as_a_first_order_process_has_indepen
         pieces.append(piece)
     expected = (1.0 + memory) / (1.0 - memory)
     assert correlation_samples(pieces, 400) == pytest.approx(expected, rel=0.15)
+
+
+def test_the_current_is_what_the_fixes_say_beyond_the_way_through_the_water(runs, dives):
+    """There and back again in currents that are known: their changes are left, of no way swum."""
+    truth = load_calibration(
+        simulated.changed(load_vehicle("glider"), drag=1.2, neutral_density=1025.2)
+    )
+    swum, one = runs[0].position[-1, :2], dives[0]
+    known = np.random.default_rng(5).normal(0.0, 0.2, (8, 2))
+    logs = [
+        dataclasses.replace(
+            one, heading=one.heading + k * np.pi, follows=k > 0,
+            displacement=tuple((-1) ** k * swum + current * one.duration),
+        )
+        for k, current in enumerate(known)
+    ]  # fmt: skip
+    problem = DepthRates(logs, truth, choose(["drag"]), fixes=True)
+    changes = problem.missed(np.zeros(problem.size))["current"]
+    np.testing.assert_allclose(changes, np.diff(known, axis=0), atol=0.02)
