@@ -36,7 +36,7 @@ Adapting = Literal["none", "dvl"]
 LOG_CHANNELS = tuple(f"measured_dvl_{name}" for name in ("surge", "sway", "heave", "mode"))
 FIXES = ("measured_gps_north", "measured_gps_east")
 NOT_IDENTIFIED_BY = frozenset(CHANNELS) - frozenset(NEEDED)
-"""Channels that only the flight filter needs, not `twin identify`: rates, accelerations, density"""
+"""Channels of the flight filter that `twin identify` does not need: rates, accelerations, density"""
 
 
 def adapt(
@@ -61,8 +61,8 @@ def adapt(
       overwrite: replace a run in `folder`.
 
     Returns:
-      The new run and the fit. If the vehicle file's constants predict the held-back dives better,
-      the new run behaves like the original.
+      The new run and the fit, which is judged on dives that were left out of it. If the vehicle
+      file's constants predict these better, the new run behaves like the original.
 
     Raises:
       InputError: the networks do not read the flight filter, or the dives do not suffice.

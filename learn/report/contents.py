@@ -74,7 +74,7 @@ class Shown:
 
 
 class Showcase:
-    """Keep the missions with the longest paths; pass `add` to `evaluate` as a watch."""
+    """Keep the missions with the longest paths; `add` is a callback for `learn.evaluate`."""
 
     def __init__(self, most: int = DRAWN_MISSIONS) -> None:
         self._most = most
@@ -95,7 +95,7 @@ class Showcase:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RunEvaluation:
-    """Evaluation of a run on a store, with its figures and the missions to draw."""
+    """Evaluation of a run on a store, with its numbers and the missions to draw."""
 
     evaluation: Evaluation
     figures: Mapping[str, Any]

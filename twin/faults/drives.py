@@ -33,7 +33,7 @@ class _DriveFault(Fault):
 
     @classmethod
     def unfit(cls, vehicle: Vehicle) -> str:
-        """Reject vehicles without the part; see `Fault.unfit`."""
+        """Reason if the vehicle lacks the part; empty otherwise."""
         drive = vehicle.steered(cls.axis)
         if drive is None or (cls.must and getattr(drive, cls.must[0]) != cls.must[1]):
             return f"has {cls.missing}"

@@ -1,9 +1,9 @@
 """Slocum writer: a mission of waypoints as the argument files (.ma) that a Slocum reads at sea.
 
 `goto_l10.ma` holds the targets, `yo10.ma` depths and pitches, `surfac10.ma` the surfacings. The
-vehicle's mission file names them by number. `twin.mission.slocum_mission` reads them back. Settings
-that the files leave out keep their values on the vehicle: a surfacing at each target, and pump
-volumes that the mission does not give.
+vehicle's mission file names them by number. `twin.mission.slocum_mission` reads them back. The
+files do not set the surfacing at each target, nor pump volumes that the mission does not give: the
+vehicle keeps its own settings of these.
 """
 
 from __future__ import annotations

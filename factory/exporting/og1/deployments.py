@@ -68,7 +68,7 @@ ELSEWHERE = frozenset(
         *(f"{stored}_{axis}" for stored, _, _ in TRACKS for axis in ("north", "east")),
     }
 )
-"""Signals that have variables of their own."""
+"""Signals that `_series` does not copy: their variables are made from them elsewhere."""
 PHASE_CODES = np.array([SURFACING, DESCENT, ASCENT, INFLECTION])
 """Codes of the format by the flag of `measured_phase`."""
 
@@ -115,7 +115,7 @@ def export_og1_logs(
 
 def _track(logs: LogStore, missions: Sequence[int]) -> JoinedDives:
     time = np.concatenate([logs.time(mission) for mission in missions])
-    # without a surface interval, one fix ends a dive and begins the next
+    # a dive begins with the last sample of the dive before, if no surface interval is between them
     reversed_unique = np.unique(time[::-1], return_index=True)[1]
     return JoinedDives(logs, tuple(missions), len(time) - 1 - reversed_unique)
 

@@ -83,8 +83,8 @@ def read_channels(
 def _motion(trajectory: Trajectory, found: Poses, kept: Integers) -> dict[str, Array]:
     """Channels of attitude, velocities, buoyancy and current, without unknown channels.
 
-    An unknown attitude, which follows the track, is kept: the page's script needs an attitude, and
-    the page's `unknown` lists it.
+    The page's script needs an attitude. If the mission has none, `found` has one along the track,
+    and the page lists it as `unknown`.
     """
     ground = np.hypot(*(told(trajectory, f"velocity_{n}")[kept] for n in ("north", "east")))
     measured = {

@@ -251,9 +251,9 @@ def _enclosing(metres: Array, reach: float) -> tuple[np.ndarray, Array]:
 
 
 def _encloses(metres: Array, degrees: Array) -> bool:
-    """Tell whether the start lies between two neighbours of an axis, or on its end.
+    """Tell whether the start lies between two neighbours of an axis, or at an end of the axis.
 
-    A start on the other side of the Earth lies in a wide gap of a regional file: False.
+    False for a start on the other side of the Earth, in the wide gap of a regional file's axis.
     """
     if metres[0] > 0.1 or metres[-1] < -0.1:
         return False

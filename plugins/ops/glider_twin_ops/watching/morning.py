@@ -1,7 +1,7 @@
 """Morning: the daily report of a deployment: health, energy, currents and the next surfacings.
 
-A part that the log does not support is left out, with the reason. A log without fixes still has
-health; one without attitude has the currents that the vehicle reported; an empty folder has none.
+A section without support in the log is left out, with the reason. Health needs no fixes. Without
+attitude, the currents are those that the vehicle reported. An empty folder has no section.
 """
 
 from __future__ import annotations
@@ -67,14 +67,14 @@ KILO, HOUR = 1e3, 3600.0
 NEWER = 60.0
 """[s] Least time between two fixes of which one counts as newer"""
 FORECAST = "forecast"
-"""Name of the forecast; the reason for its absence comes first among what is missing"""
+"""Name of the forecast; if it is missing, its reason is the first in `Morning.missing`"""
 MOST_FOLLOWED = 30
-"""Number of last dives over which parameters are followed from the vehicle file's, 0.4 s each"""
+"""Last dives over which parameters are tracked, from the vehicle file's values; 0.4 s a dive"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Morning:
-    """Daily report. A part without support in the log is None or empty, and `lacking` says why."""
+    """Daily report. A section that the log does not support is empty or None, see `lacking`."""
 
     title: str
     """Name of the folder"""
@@ -98,7 +98,7 @@ class Morning:
     legs: tuple[LoggedLeg, ...] = ()
     """Legs between fixes, in order of time"""
     came_up: LastFix | None = None
-    """Newest fix after a dive of the log, also where the dive's path is unknown"""
+    """Newest fix after a dive of the log; the path of that dive may be unknown"""
     used: EnergyUse | None = None
     energy_left_kwh: float | None = None
     lasts: Endurance | None = None
@@ -117,7 +117,7 @@ class Morning:
     proposed: ProposedFiles | None = None
     """Files with the plan, where a pilot gave its places"""
     lacking: tuple[str, ...] = ()
-    """Reasons for missing parts, and what to do about them"""
+    """Reasons for missing sections, and remedies"""
 
     @property
     def verdict(self) -> str:
@@ -140,8 +140,8 @@ class Morning:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Sentences on all that is missing: the forecast first, then files cut or left out, then
-        other parts."""
+        """Sentences on all that is missing: the forecast, files cut or left out, other sections, in
+        this order."""
         first = self.lacking[:1] if self.surfacings is None else ()
         return tuple(dict.fromkeys([*first, *self.log.cut_or_left_out, *self.lacking]))
 
@@ -332,7 +332,7 @@ def morning(
                 nearest = dataclasses.replace(first, targets=first.targets[:1])
                 mission = dataclasses.replace(asked.mission, segments=(nearest,))
                 asked = dataclasses.replace(asked, mission=mission)
-                tells["routes"] = told(  # only `twin route` flies them, too
+                tells["routes"] = told(  # planned only: `twin route` flies its routes too
                     "routes", lambda: plan_routes(asked, water, fly_them=False, say=say)
                 )
             if expected.guessed:
@@ -360,7 +360,7 @@ def _forecast(
     fix: LastFix,
     plan: ExpectedPlan,
 ) -> tuple[Forecast, str, Known]:
-    """Forecast the next surfacings from the last fix; also return the plan in words and water."""
+    """Forecast the next surfacings; return the forecast, the plan in words, the known currents."""
     begin = utc_text(moment_of(float(round(fix.time))))
     place, water, stale = begun(
         Origin(latitude_deg=fix.latitude, longitude_deg=fix.longitude, time=begin),
