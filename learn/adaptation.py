@@ -36,7 +36,7 @@ Adapting = Literal["none", "dvl"]
 LOG_CHANNELS = tuple(f"measured_dvl_{name}" for name in ("surge", "sway", "heave", "mode"))
 FIXES = ("measured_gps_north", "measured_gps_east")
 NOT_IDENTIFIED_BY = frozenset(CHANNELS) - frozenset(NEEDED)
-"""Channels of the flight filter that `twin identify` does not need: rates, accelerations, density"""
+"""Channels that only the flight filter reads, not `twin identify`: rates, accelerations, density"""
 
 
 def adapt(

@@ -1,6 +1,6 @@
 """Base of the exporters: the class `Exporter`, which describes one format and names its writer.
 
-The registry of exporters holds their names for the command line.
+`EXPORTERS` holds the exporters' names for the command line.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class Exporter:
 
     @property
     def target(self) -> str:
-        """Kind of target: file or folder."""
+        """Type of target: file or folder."""
         return "file" if self.ending.startswith(".") else "folder"
 
     def default_path(self, store: StorePath) -> Path:

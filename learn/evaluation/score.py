@@ -203,7 +203,7 @@ def score_mission(reference: ReferenceVelocity, estimate: Estimate) -> MissionSc
 def _score_dives(
     reference: ReferenceVelocity, estimate: Estimate
 ) -> dict[str, tuple[TrackError, ...]]:
-    """Errors of all dives but the first, so that all kinds of current have the same dives."""
+    """Errors of all dives but the first, so that all types of current have the same dives."""
     pairs = list(zip(reference.dives[:-1], reference.dives[1:], strict=True))
     own = estimate.ground_track
     if own is not None and estimate.uses_fixes:

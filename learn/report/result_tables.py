@@ -131,7 +131,7 @@ def without_track(evaluation: Figures, track: str) -> str:
 
 
 def dive_rows(evaluation: Figures) -> list[Row]:
-    """Rows of errors over ground between GPS fixes, with columns for each kind of current."""
+    """Rows of errors over ground between GPS fixes, with columns for each type of current."""
     rows = []
     for name, figures in methods_of(evaluation):
         row: Row = {"method": title_of(name)}

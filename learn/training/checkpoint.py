@@ -66,7 +66,7 @@ def read_checkpoint(
     try:
         saved = torch.load(path, map_location=device, weights_only=True)
         missing = NEEDED - set(saved)
-    except Exception as error:  # the reader of torch raises many kinds
+    except Exception as error:  # the reader of torch raises many types
         line = one_line(str(error)).split(". ")[0]
         raise StoreError(
             f"checkpoint {path} cannot be read ({type(error).__name__}: {line}); {remedy}"

@@ -2,7 +2,7 @@
 
 `randomise` of an environment samples them anew for every episode. It is an object with a method
 `draw`, or the settings of a registered one: a name, or a mapping from parameters to distributions.
-A plugin adds its own kind under the entry-point group `glider_twin.randomisers`. The sampled
+A plugin adds its own type under the entry-point group `glider_twin.randomisers`. The sampled
 conditions are written into a MuJoCo model here, and its vehicle is put at its start.
 """
 
@@ -86,7 +86,7 @@ def check_randomiser(name: str, kind: Any) -> Maker:
 
 
 RANDOMISERS: Registry[Maker] = seams.RANDOMISERS
-"""Registry of the functions that make randomisers, by name."""
+"""Functions that make randomisers, by name."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

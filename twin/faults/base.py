@@ -1,4 +1,4 @@
-"""Fault: the base class, its registry, and the condition of a vehicle with faults.
+"""Fault: the base class, the table of its types, and the condition of a vehicle with faults.
 
 A fault changes numbers of a vehicle as a function of time. `change` changes its law, volume, mass,
 parts, losses and batteries; `readings` changes the readings of its sensors. Every engine flies the
@@ -100,7 +100,7 @@ class Fault:
     """A defect of a vehicle that begins at a given time."""
 
     kind: ClassVar[str] = ""
-    """Name of the kind on the command line and in stores."""
+    """Name of the type on the command line and in stores."""
     says: ClassVar[str] = ""
     """Name of the fault in a pilot's words."""
     size_name: ClassVar[str] = ""
@@ -149,7 +149,7 @@ class Fault:
         for problem in problems:
             raise InputError(f"fault {self.kind}: {problem}")
 
-    # --- methods of a kind ------------------------------------------------------------------------
+    # --- methods of a type ------------------------------------------------------------------------
 
     @classmethod
     def unfit(cls, vehicle: Vehicle) -> str:
@@ -177,7 +177,7 @@ class Fault:
     def begin(self) -> FaultRun:
         """Begin to change readings, one stretch of a mission after the other.
 
-        A kind whose readings depend on earlier samples returns a run that remembers them.
+        A type whose readings depend on earlier samples returns a run that remembers them.
         """
         return FaultRun(self)
 
@@ -195,7 +195,7 @@ class Fault:
         """Prefixes of the names of geoms in the vehicle file that pictures leave out."""
         return ()
 
-    # --- methods common to all kinds --------------------------------------------------------------
+    # --- methods common to all types --------------------------------------------------------------
 
     @property
     def size(self) -> float:
@@ -223,7 +223,7 @@ class Fault:
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """Describe the first missing piece of a kind."""
+        """Describe the first missing piece of a type."""
         if cls.size_name not in {field.name for field in dataclasses.fields(cls)}:
             return f"it lacks the field {cls.size_name!r} that `size_name` names"
         if cls.change is Fault.change and cls.readings is Fault.readings:
@@ -245,14 +245,14 @@ class FaultRun:
 
 
 FAULTS: Registry[type[Fault]] = seams.FAULTS
-"""All kinds of fault by name."""
+"""All types of fault by name."""
 
 register = FAULTS.add
-"""Register your own kind of fault; usable as a decorator."""
+"""Register your own type of fault; usable as a decorator."""
 
 
 def faults_of(vehicle: Vehicle) -> tuple[str, ...]:
-    """Names of the kinds of fault that a vehicle can have."""
+    """Names of the types of fault that a vehicle can have."""
     return tuple(name for name, kind in FAULTS.items() if not kind.unfit(vehicle))
 
 
@@ -313,7 +313,7 @@ def read_by(
 
 
 def fault_from_dict(data: Mapping[str, Any]) -> Fault:
-    """Rebuild a fault from `Fault.describe`; raises InputError for an unknown kind or field."""
+    """Rebuild a fault from `Fault.describe`; raises InputError for an unknown type or field."""
     kind = FAULTS[str(data.get("kind"))]
     fields = {name: value for name, value in data.items() if name != "kind"}
     known = [field.name for field in dataclasses.fields(kind)]
@@ -326,10 +326,10 @@ def fault_from_dict(data: Mapping[str, Any]) -> Fault:
 def parse_faults(words: str | Sequence[str]) -> tuple[Fault, ...]:
     """Parse faults in words such as `fouling:per_day=0.02,from=3d` or `wing_lost:side=port`.
 
-    Settings are the kind's fields; `from` is a time with its unit (s, min, h, d), 0 by default.
+    Settings are the type's fields; `from` is a time with its unit (s, min, h, d), 0 by default.
 
     Raises:
-      InputError: a kind or setting is unknown, or a value is impossible.
+      InputError: a type or setting is unknown, or a value is impossible.
     """
     return tuple(_parse(word) for word in ([words] if isinstance(words, str) else words))
 

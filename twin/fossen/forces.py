@@ -50,7 +50,7 @@ class ForceParameters(NamedTuple):
     coupling: float
     """1: the coupling by added mass acts; 0: the law already contains it."""
     law: float
-    """Code in the registry of hull laws."""
+    """Code of the type of hull law."""
     law_scaled: float
     """1: the law's coefficients contain the reference density; 0: the law uses the water's."""
     law_values: Array

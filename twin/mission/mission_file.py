@@ -19,7 +19,7 @@ from twin.numbers import number as as_number
 from twin.vehicle.assembly import MOST_FOLLOWERS
 
 # --- table: one row per segment; the last row is the end of the mission -----------------------
-KIND = 0  # one of the kinds below
+KIND = 0  # one of the types below
 MIN_DEPTH, MAX_DEPTH = 1, 2  # [m] where a climb and a dive turn
 DIVE_PITCH, CLIMB_PITCH = 3, 4  # [rad] signed: nose down is negative
 HEADING = 5  # [rad], NaN: the heading at entry
@@ -57,7 +57,7 @@ LEVEL_COMMAND, LEVEL_TURN = DIVE_COMMAND, DIVE_TURN
 
 SAW_TOOTH, SPIRAL, SURFACE, HOLD, LEVEL, HOVER = 1.0, 2.0, 3.0, 4.0, 7.0, 8.0
 WAYPOINT = 9.0
-END_AT_SURFACE, END_HOLDING = 5.0, 6.0  # kinds of the last row
+END_AT_SURFACE, END_HOLDING = 5.0, 6.0  # types of the last row
 
 # --- gains ------------------------------------------------------------------------------------
 PITCH_KP, PITCH_KI, PITCH_KD = 0, 1, 2  # position per error [rad], integral [rad s], rate [rad/s]

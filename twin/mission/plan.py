@@ -154,7 +154,7 @@ class Mission:
     def compile(self, vehicle: Vehicle) -> tuple[Array, Array]:
         """Table (rows + 1, SEGMENT_COLUMNS + 3 parts) and gains (GAINS,) for guidance.
 
-        A segment has one row; a kind made of several segments, such as a lawn-mower, has several.
+        A segment has one row; a type made of several segments, such as a lawn-mower, has several.
 
         Raises:
           MissionError: a segment exceeds the vehicle's abilities, or a target is in degrees.

@@ -77,7 +77,7 @@ def load_mission_for(
 
     Raises:
       MissionError: as for `load_mission`; or the vehicle cannot fly it. If a shipped mission is for
-        another kind of vehicle, the message names the usual one of this vehicle.
+        another type of vehicle, the message names the usual one of this vehicle.
     """
     usual = usual_mission(vehicle)
     asked = mission is not None

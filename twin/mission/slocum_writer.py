@@ -39,7 +39,7 @@ def slocum_arguments(mission: Mission, *, number: int = NUMBER) -> dict[str, str
       number: number of the files, 0 to 99.
 
     Raises:
-      MissionError: another kind of mission, or targets in metres from the start.
+      MissionError: another type of mission, or targets in metres from the start.
     """
     if not 0 <= number <= MOST_NUMBER:
         raise MissionError(f"argument files have numbers from 0 to {MOST_NUMBER}, not {number}")
@@ -55,7 +55,7 @@ def waypoints_of(mission: Mission, what: str) -> Waypoint:
     """Return the only segment of a mission, which must be waypoints with geographic targets.
 
     Raises:
-      MissionError: the segment is of another kind, or its targets are in metres from the start.
+      MissionError: the segment is of another type, or its targets are in metres from the start.
     """
     segment = mission.segments[0]
     if len(mission.segments) != 1 or not isinstance(segment, Waypoint):

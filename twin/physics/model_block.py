@@ -39,7 +39,7 @@ class Tables(NamedTuple):
     plan: Array = np.zeros((0, 0))
     """Mission table or schedule, shape (rows, columns)."""
     control: float = b.CONTROL_NONE
-    """Kind of the plan: one of the block's CONTROL_*."""
+    """Type of the plan: one of the block's CONTROL_*."""
     gains: Array | None = None
     """Gains of a mission, shape (GAINS,)."""
     current: Array = _NONE

@@ -1,4 +1,4 @@
-"""Sensor: the base class, its registry, and shared code for checks and random streams.
+"""Sensor: the base class, the table of its types, and shared code for checks and random streams.
 
 A sensor is a frozen dataclass. Its fields are the settings, its class attributes declare the
 signals and constants, and `measure` is its model. After `register`, suites, stores, limits, figures
@@ -207,7 +207,7 @@ class Sensor:
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """Describe a kind's first fault; if there is none, declare its variables in the schema."""
+        """Describe a type's first fault; if there is none, declare its variables in the schema."""
         if flaw := cls._unfinished() or _flaw_of_variables(cls.writes):
             return flaw
         drawn = cls().draw(np.random.default_rng(0))

@@ -134,7 +134,7 @@ class Imu(Sensor):
         )
 
     def _triad(self, outset: Outset, names: tuple[str, ...], triad: str) -> TriadRun:
-        """Begin three axes of one kind, whose settings begin with `triad`."""
+        """Begin three axes of one type, whose settings begin with `triad`."""
         density, instability, walk = (
             getattr(self, f"{triad}_{name}")
             for name in ("noise_density", "bias_instability", "rate_random_walk")
@@ -160,7 +160,7 @@ class Imu(Sensor):
 
 @dataclasses.dataclass
 class TriadRun(SensorRun):
-    """Three axes of one kind."""
+    """Three axes of one type."""
 
     names: tuple[str, ...]
     matrix: Array

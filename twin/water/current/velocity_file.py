@@ -107,7 +107,7 @@ def open_data_set(
             yield data
     except TwinError:
         raise
-    except Exception as error:  # each backend raises its own kinds
+    except Exception as error:  # each backend raises its own types
         raise failure(
             f"{what} file {path} is damaged, its values cannot be read ({_reason(error)}): "
             "download or write it again"
@@ -157,7 +157,7 @@ def _open(path: str, what: str, failure: type[InputError]) -> xr.Dataset:
                 decode_times=False,
                 decode_timedelta=False,
             )
-    except Exception as error:  # each backend raises its own kinds
+    except Exception as error:  # each backend raises its own types
         reason = _reason(error)
         if NO_BACKEND in reason:
             reason = "its content is neither of the two; convert it, or download it again"

@@ -263,7 +263,7 @@ def _encloses(metres: Array, degrees: Array) -> bool:
 
 
 KINDS: dict[str, type[Floor]] = {c.kind: c for c in (FlatFloor, RoughFloor, GridFloor, Bathymetry)}
-"""All kinds of sea floor by their names in descriptions."""
+"""All types of sea floor by their names in descriptions."""
 ROUGH_SETTINGS = {
     "height": "height_m",
     "length": "length_m",
@@ -325,7 +325,7 @@ def floor_from_dict(data: Mapping[str, Any]) -> Floor:
     """Rebuild a floor from the settings that `describe` returned.
 
     Raises:
-      FloorError: a kind or setting is unknown.
+      FloorError: a type or setting is unknown.
     """
     kind = str(data.get("kind"))
     if kind not in KINDS:

@@ -119,7 +119,7 @@ SOURCES: Registry[Source] = Registry(
     },
     objects=True,
 )
-"""Registry of sources, by name."""
+"""Types of source, by name."""
 
 
 def source_of(address: str, kind: str) -> Source:
