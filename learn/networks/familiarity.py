@@ -36,9 +36,9 @@ FAR = 3.0
 """Standard deviations from the training's mean at which the out-of-distribution score is 1"""
 MISSIONS = 60
 """Training missions to fit the hulls' statistics to: standard deviations are known to 10 %"""
-TRIED = 24
+CLASSIFIED = 24
 """Missions per store to classify the hulls: the drag's standard deviation is known to 15 %"""
-CLEAN_MOST = 0.13
+LARGEST_CLEAN_RMS = 0.13
 """Largest rms of ln(drag factor) at which hulls count as built as in their file. Three vehicles
 have 0.06 to 0.08 with preset `field`, 0.24 to 0.36 with `family` or with 40 % more drag"""
 
@@ -68,13 +68,13 @@ def training_hulls(stores: Stores, features: Sequence[str], period: float | None
     if not set(channels_of(features)) & set(ESTIMATED):
         return ANY
     clean = True
-    for flight, missions in training_flights(stores, period, None, TRIED):
+    for flight, missions in training_flights(stores, period, None, CLASSIFIED):
         squares = []
         for mission in missions:
             ended(flight, mission)
             value, deviation = flight.constants["drag"]
             squares.append(value**2 + deviation**2)
-        clean &= math.sqrt(np.mean(squares)) < CLEAN_MOST
+        clean &= math.sqrt(np.mean(squares)) < LARGEST_CLEAN_RMS
     return CLEAN if clean else ANY
 
 

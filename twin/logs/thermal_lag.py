@@ -229,16 +229,16 @@ def common_lag(ctds: Sequence[CtdSeries]) -> ThermalLag | None:
 
 def ways(depth: Array) -> list[slice]:
     """Descents and climbs of a depth (time,), in order, between turns of `LEAST_CAST` or more."""
-    turns, furthest, way = [0], 0, 0.0
+    turns, furthest, direction = [0], 0, 0.0
     for k in range(1, len(depth)):
-        if way == 0.0:
+        if direction == 0.0:
             if abs(depth[k] - depth[0]) > LEAST_CAST:
-                furthest, way = k, float(np.sign(depth[k] - depth[0]))
-        elif way * (depth[k] - depth[furthest]) > 0.0:
+                furthest, direction = k, float(np.sign(depth[k] - depth[0]))
+        elif direction * (depth[k] - depth[furthest]) > 0.0:
             furthest = k
-        elif way * (depth[furthest] - depth[k]) > LEAST_CAST:
+        elif direction * (depth[furthest] - depth[k]) > LEAST_CAST:
             turns.append(furthest)
-            furthest, way = k, -way
+            furthest, direction = k, -direction
     turns.append(len(depth) - 1)
     return [
         slice(first, last + 1)

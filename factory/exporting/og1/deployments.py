@@ -45,7 +45,7 @@ from factory.exporting.og1.variables import (
     variable,
     write_og1,
 )
-from factory.exporting.og1.variables import deployment as began
+from factory.exporting.og1.variables import deployment as deployment_variables
 from twin.records.logged import LogStore
 from twin.records.schema import VARIABLES
 
@@ -61,7 +61,7 @@ PROFILER = (
 SENSOR_NAMES = {"SENSOR_AHRS": "attitude and heading sensor"}
 """Names of sensors of logs, if they differ from those of simulated missions."""
 DVL_MODE = "measured_dvl_mode"
-ELSEWHERE = frozenset(
+NOT_COPIED = frozenset(
     {
         *("measured_depth", "measured_phase", "measured_gap", DVL_MODE),
         *("measured_gps_north", "measured_gps_east", *TERMS["payload"]),
@@ -143,7 +143,7 @@ def _series(
     )
     yield quality("DEPTH", depth, estimated=gap)
     yield from gps_fixes(track, time)
-    yield from began(time[0], *logs.fixes(track.missions[0])[0])
+    yield from deployment_variables(time[0], *logs.fixes(track.missions[0])[0])
     codes, how = _phase(track.signal("measured_phase")), "depth and its rate over 20 s"
     yield variable("PHASE", codes, phase_calculation_method=how)
     yield variable("DIVE_NUMBER", track.repeated("dive"))
@@ -165,7 +165,7 @@ def _series(
             yield _signal(name, values, stored, **own)
     yield from conductivity(track)
     yield from payload(track)
-    written = {stored for _, stored, _ in MEASURED} | {*PROFILER, *ELSEWHERE, *RAW_TIMES}
+    written = {stored for _, stored, _ in MEASURED} | {*PROFILER, *NOT_COPIED, *RAW_TIMES}
     # then parts of other vehicles, commands, any payload
     others = [stored for stored in logs.signals() if stored not in written]
     for stored in (*(stored for stored in PROFILER if stored in seen), *others):

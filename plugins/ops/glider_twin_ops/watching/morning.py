@@ -217,7 +217,7 @@ def morning(
     store = log.store
     lacking = [log.missing] if log.missing else []
 
-    def told(what: str, ask: Callable[[], Told]) -> Told | None:
+    def attempt(what: str, ask: Callable[[], Told]) -> Told | None:
         try:
             return ask()
         except TwinError as error:
@@ -258,14 +258,14 @@ def morning(
             f"that a thruster drove: the current is {(came_up.time - legs[-1].leg.end) / HOUR:.1f} "
             "h older than the last fix"
         )
-    vehicle = told("vehicle", lambda: deployment.vehicle_of(store))
-    tells: dict[str, Any] = {
+    vehicle = attempt("vehicle", lambda: deployment.vehicle_of(store))
+    sections: dict[str, Any] = {
         "title": title, "log": log, "deployment": name, "dives": dives, "legs": legs,
         "dialogue": dialogue, "came_up": came_up, "vehicle": vehicle, "table": table,
         "readings": readings,
     }  # fmt: skip
     if vehicle is None:
-        return Morning(**tells, lacking=tuple(lacking))
+        return Morning(**sections, lacking=tuple(lacking))
     if odd := other_kind(store, vehicle):
         lacking.append(odd.replace(str(store), store.name))
     if not identified(vehicle):
@@ -275,21 +275,21 @@ def morning(
             "attitude and pump, then vehicle in deployment.toml"
         )
     say("health")
-    found = told(
+    found = attempt(
         "health",
         lambda: assess(
             store, vehicle, false_alarm_days=deployment.false_alarm_days, deployments=[name]
         ),
     )
     say("parameters")
-    followed = told(
+    followed = attempt(
         "parameters",
         lambda: follow_parameters(
             load_logs(store, rows[-MOST_FOLLOWED:]), load_calibration(vehicle)
         ),
     )
     by_row = dict(zip(rows, dives, strict=True))
-    used = told("energy", lambda: counted_energy(store, vehicle, newest=True))
+    used = attempt("energy", lambda: counted_energy(store, vehicle, newest=True))
     left = None
     if used is None:
         lacking.append("energy: the log has no counter of charge with a voltage")
@@ -298,7 +298,7 @@ def morning(
     else:
         left = deployment.energy_kwh - used.charge * used.voltage / KILO
     lasts = None if used is None or left is None else endurance_of(used, left)
-    tells |= {
+    sections |= {
         "health": found[0] if found else None, "followed": followed,
         "followed_dives": tuple(by_row[row] for row in followed.rows) if followed else (),
         "used": used, "energy_left_kwh": left, "lasts": lasts,
@@ -307,33 +307,33 @@ def morning(
         lacking.insert(0, f"{FORECAST}: no dive lies between two fixes and has a known way")
     else:
         say("forecast")
-        takes = vehicle if used is None else with_consumption(vehicle, used.consumption)
-        expected = told(FORECAST, lambda: expected_plan(deployment, store, takes, legs))
+        metered = vehicle if used is None else with_consumption(vehicle, used.consumption)
+        expected = attempt(FORECAST, lambda: expected_plan(deployment, store, metered, legs))
         if expected is not None and deployment.goto:
             plan_of, now = expected.mission, flown_files(folder_of(deployment))
-            files = tells["proposed"] = told(
+            files = sections["proposed"] = attempt(
                 "proposal",
-                lambda: proposed_files(source, plan_of, takes, now, deployment.samples),
+                lambda: proposed_files(source, plan_of, metered, now, deployment.samples),
             )
             if files is not None:
                 expected = dataclasses.replace(expected, mission=files.mission)
-        fix = Morning(**tells).last_fix
-        answer = None if expected is None or fix is None else told(
-            FORECAST, lambda: _forecast(deployment, store, takes, left, fix, expected)
+        fix = Morning(**sections).last_fix
+        answer = None if expected is None or fix is None else attempt(
+            FORECAST, lambda: _forecast(deployment, store, metered, left, fix, expected)
         )  # fmt: skip
         if expected is not None and answer is not None:
-            tells["surfacings"], tells["plan"], water = answer
-            tells["changes"] = expected.changes
-            tells["arrival"] = None if expected.guessed else arrival(answer[0])
+            sections["surfacings"], sections["plan"], water = answer
+            sections["changes"] = expected.changes
+            sections["arrival"] = None if expected.guessed else arrival(answer[0])
             if deployment.goto:
                 say("routes")
-                asked, (first, *_) = answer[0].request, answer[0].request.mission.segments
+                request, (first, *_) = answer[0].request, answer[0].request.mission.segments
                 assert isinstance(first, Waypoint)
                 nearest = dataclasses.replace(first, targets=first.targets[:1])
-                mission = dataclasses.replace(asked.mission, segments=(nearest,))
-                asked = dataclasses.replace(asked, mission=mission)
-                tells["routes"] = told(  # planned only: `twin route` flies its routes too
-                    "routes", lambda: plan_routes(asked, water, fly_them=False, say=say)
+                mission = dataclasses.replace(request.mission, segments=(nearest,))
+                request = dataclasses.replace(request, mission=mission)
+                sections["routes"] = attempt(  # planned only: `twin route` flies its routes too
+                    "routes", lambda: plan_routes(request, water, fly_them=False, say=say)
                 )
             if expected.guessed:
                 lacking.append(
@@ -342,14 +342,14 @@ def morning(
                 )
             if used is not None and lasts is not None:
                 say("endurance")
-                outlook = tells["outlook"] = told(
+                outlook = sections["outlook"] = attempt(
                     "endurance",
                     lambda: energy_outlook(
                         answer[0], used, lasts, legs, deployment.harbour, guessed=expected.guessed
                     ),
                 )
                 lacking += () if outlook is None else outlook.lacking
-    return Morning(**tells, lacking=tuple(lacking))
+    return Morning(**sections, lacking=tuple(lacking))
 
 
 def _forecast(
