@@ -45,7 +45,7 @@ TARGET_SIGNS = {"surge": 1.0, "sway": -1.0}
 VALIDATING = 4
 """Number of rows of which one validates, in a training with held-out rows."""
 DIVISION_EDGES = {"train": (0.0, 0.7), "validation": (0.7, 0.85), "test": (0.85, 1.0)}
-"""Ranges of a uniform random number that put a sample in each part of the paper's division."""
+"""Ranges of a uniform random number that put a sample in each split of the paper's division."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -192,7 +192,7 @@ class _Task:
 
 @dataclasses.dataclass(frozen=True)
 class _Maker:
-    """Function from a mission of one part (train or validation) to its sequence."""
+    """Function from a mission of one split (train or validation) to the mission's sequence."""
 
     task: _Task
     scales: Normalisation
@@ -200,7 +200,7 @@ class _Maker:
     """Division by samples; None: all samples of a mission count"""
     part: str
     numbers: Places
-    """Index of each of the part's missions among all missions with labels"""
+    """Index of each of the split's missions among all missions with labels"""
 
     def __call__(self, mission: MissionSequence, number: int) -> Sequence3:
         wanted = self.task.labels.of(mission, self.task.target)
@@ -208,7 +208,7 @@ class _Maker:
         return self.weighed(made, number)
 
     def weighed(self, made: Sequence3, number: int) -> Sequence3:
-        """Sequence with weight 0 for the samples of other parts."""
+        """Sequence with weight 0 for the samples of other splits."""
         if self.division is None:
             return made
         inputs, wanted, weights = made
@@ -314,7 +314,7 @@ class SampleDivision:
     """The paper's random division of samples into 70 % training, 15 % validation, 15 % test.
 
     The division leaks: samples half a second apart are nearly equal, so validation and test do not
-    show unseen motion. Use it to reproduce the paper's figures, never to choose a network.
+    show unseen motion. Use it to reproduce the paper's numbers, never to choose a network.
     """
 
     def __init__(self, lengths: NDArray[np.int64], seed: int) -> None:

@@ -1,4 +1,4 @@
-"""Evaluation: run networks, floor (true velocities) and baselines on a store, and score them."""
+"""Evaluation: score networks, `floor` (true velocities) and baselines on a store's missions."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Evaluation:
     """Numbers of scored rows and samples in a store of logs, see `learn.evaluation.log_score`."""
 
     def to_json(self) -> dict[str, Any]:
-        """Figures of the networks, with entries `floor` and `baselines`."""
+        """Numbers of the networks, with entries `floor` and `baselines`."""
         empty = summarise_scores(())
         figures = {name: method.figures for name, method in self.methods.items() if name != NETWORK}
         return {
@@ -101,7 +101,7 @@ def evaluate(
     period: float | None = None,
     labels: LabelConfig | None = None,
 ) -> Evaluation:
-    """Evaluate networks, floor and baselines on missions of a store.
+    """Evaluate networks, true velocities (`floor`) and baselines on missions of a store.
 
     Args:
       networks: ensembles `surge` and `sway`.
@@ -210,7 +210,7 @@ def evaluate(
 def pooled(each: Sequence[Evaluation]) -> Evaluation:
     """Pool evaluations of the same networks on simulated stores, over all their missions.
 
-    A baseline missing on one store is left out: its figures would be of other missions.
+    A baseline missing on one store is left out: its numbers would be of other missions.
     """
     if len(each) == 1:
         return each[0]

@@ -44,7 +44,7 @@ from twin.navigation.dead_reckoning import (
 from twin.navigation.estimators.base import Estimate
 
 NETWORK, FLOOR, DVL = "network", "floor", "dvl"
-"""Names of methods: the networks, the floor (true velocities) and the Doppler log's baseline"""
+"""Names of methods: networks; true velocities, a lower bound of error; the Doppler log's baseline"""
 LAUNCH_S = 30.0
 """[s] Time after the start, the launch from rest, that figures `..._after_30s` leave out."""
 TARGETS = ("surge", "sway")
@@ -245,7 +245,7 @@ def _dive_error(reference: ReferenceVelocity, dive: Dive, track: Array, end: int
 
 
 def summarise_scores(scores: Sequence[MissionScore]) -> dict[str, Any]:
-    """Summarise one method's scores; a figure that no mission has is None.
+    """Summarise one method's scores; a number that no mission has is None.
 
     Squared errors are means over all samples of all missions, track errors are statistics over
     missions, and dive errors are statistics over dives.

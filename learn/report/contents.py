@@ -99,7 +99,7 @@ class RunEvaluation:
 
     evaluation: Evaluation
     figures: Mapping[str, Any]
-    """Errors of the networks, the floor and each baseline, as `learn evaluate --json` prints."""
+    """Errors of the networks, `floor` and each baseline, as `learn evaluate --json` prints."""
     shown: tuple[Shown, ...]
     """Missions that a page draws; empty for logs, whose true tracks are unknown."""
 

@@ -1,4 +1,4 @@
-"""Result tables: figures of an evaluation as rows and sentences, for a terminal or a page.
+"""Result tables: numbers of an evaluation as rows and sentences, for a terminal or a page.
 
 The functions read the JSON object of `learn evaluate`, so they do not need the run's store.
 """
@@ -29,7 +29,7 @@ still water."""
 
 
 def methods_of(evaluation: Figures) -> Iterator[tuple[str, Figures]]:
-    """Names and figures of the networks, the floor and each baseline with any figure."""
+    """Names and numbers of the networks, `floor` (true velocities), and baselines with a number."""
     yield "network", evaluation
     yield "floor", evaluation["floor"]
     for name, figures in evaluation["baselines"].items():
@@ -176,7 +176,7 @@ JUDGED = {
     "dr_water_percent_mean": "through the water",
     "dr_velocity_percent_mean": "through the water with the true attitude",
 }
-"""Figures in which sentences compare networks with baselines, with their words."""
+"""Numbers in which sentences compare networks with baselines, with their words."""
 COLUMNS = {
     "surge_mse": "surge MSE",
     "sway_mse": "sway MSE",
@@ -295,7 +295,7 @@ def _columns_lost(evaluation: Figures) -> list[str]:
 
 
 def _figure(figures: Figures, path: Sequence[str]) -> float | None:
-    """Figure at a path of keys; None if unknown."""
+    """Number at a path of keys; None if unknown."""
     found: Any = figures
     for key in path:
         found = None if found is None else found.get(key)
@@ -330,7 +330,7 @@ def _list(words: Sequence[str]) -> str:
 
 
 def tell_report(console: Console, run: Run) -> None:
-    """Print the figures of an evaluated run and the path of its page."""
+    """Print the numbers of an evaluated run and the path of its page."""
     figures, paper = run.figures, run.paper_figures
     assert figures is not None
     console.answer(

@@ -148,7 +148,7 @@ def _train(
     *,
     resident: bool,
 ) -> None:
-    """Train networks in a folder; each saved network adds its figures to the description."""
+    """Train networks in a folder; each saved network adds its numbers to the description."""
 
     def finished(task: Task, report: TrainingReport | None) -> None:
         results = {**description.get("networks", {}), task.job.name: _figures(task.job, report)}
@@ -321,7 +321,7 @@ def _labels(config: FitConfig) -> dict[str, Any]:
 
 
 def _figures(job: TrainingJob, report: TrainingReport | None) -> dict[str, Any]:
-    """Figures of a network's training for `run.json`."""
+    """Numbers of a network's training for `run.json`."""
     if report is None:
         return {"seed": job.seed}
     return {

@@ -1,4 +1,4 @@
-"""Agreement: the MuJoCo twin against the Fossen model and against published figures."""
+"""Agreement: the MuJoCo twin against the Fossen model and against published numbers."""
 
 from __future__ import annotations
 
@@ -174,7 +174,7 @@ def fly_both(
 
 
 def compare(ours: Trajectory, theirs: Trajectory | FossenTrajectory, seed: int) -> Difference:
-    """Compute the three figures of agreement of two runs with the same sample times."""
+    """Compute the three numbers of agreement of two runs with the same sample times."""
     speed = np.linalg.norm(ours.v_rel, axis=1) - np.linalg.norm(theirs.v_rel, axis=1)
     relative = np.einsum("tji,tjk->tik", _to_ned(ours), _to_ned(theirs))
     # the sine of half the angle is accurate for small angles, and the cosine is not

@@ -52,11 +52,11 @@ HEADING_LIMIT = 2.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PhaseComparison:
-    """Figures of the log and of the twin in one phase."""
+    """Numbers of the log and of the twin in one phase."""
 
     log: PhaseFigures
     twin: PhaseFigures | None
-    """Figures of the twin; None: the twin never flew steadily in this phase"""
+    """Numbers of the twin; None: the twin never flew steadily in this phase"""
     speed_from: str | None
     """Source of the log's speed: "measured", "depth rate and pitch", or None"""
     same_part: bool
@@ -110,7 +110,7 @@ class LogCheck:
 
     @property
     def beyond(self) -> list[str]:
-        """Phrase for each figure beyond its limit; empty if the twin flies as the log."""
+        """Phrase for each number beyond its limit; empty if the twin flies as the log."""
         flown = list(zip(self.dives, self.flights, strict=True))
         found = [f"dive {dive.row}: {f}" for dive, f in flown if isinstance(f, Exception)]
         for name, phase in self.phases.items():
@@ -157,7 +157,7 @@ class LogCheck:
 
 
 def _beyond(phase: PhaseComparison) -> list[str]:
-    """Phrase for each figure of a phase beyond its limit."""
+    """Phrase for each number of a phase beyond its limit."""
     twin = phase.twin
     if twin is None:
         return ["the twin never flew it steadily"]
@@ -362,7 +362,7 @@ def _phases(
     turning: Turning | None,
     engine: str,
 ) -> tuple[dict[Phase, PhaseComparison], list[str]]:
-    """Figures of log and twin in each phase of the log, and notes on them."""
+    """Numbers of log and twin in each phase of the log, and notes on them."""
     pump = vehicle.steering["buoyancy"]
     pairs = zip(dives, flights, strict=True)
     flown = [(dive, flight) for dive, flight in pairs if isinstance(flight, Trajectory)]

@@ -221,4 +221,4 @@ IMU_PRESETS: dict[str, Imu] = {
     "MTi-630": Imu(gyro_noise_density=0.007 * DEG, accel_noise_density=60e-6 * STANDARD_GRAVITY),
     "MV5-AR": Imu(gyro_noise_density=0.0075 * DEG, accel_noise_density=85e-6 * STANDARD_GRAVITY),
 }
-"""IMUs by name. A figure that a device's source lacks is the 3DM-GX5-25's."""
+"""IMUs by name. A number that a device's source lacks is the 3DM-GX5-25's."""

@@ -219,7 +219,7 @@ class LiveMission:
           speed_up: mission seconds per second.
 
         Raises:
-          InputError: the scenario is navigated, or the shot shows only a part.
+          InputError: the scenario is navigated, or the shot shows only an interval.
         """
         self._simulation = live_simulation(scenario)
         if shot.start is not None or shot.end is not None:

@@ -269,7 +269,7 @@ class Current(abc.ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class CurrentSum(Current):
-    """Sum of the velocities of several currents; without parts it is still water."""
+    """Sum of the velocities of several currents; still water without any."""
 
     kind: ClassVar[str] = "sum"
 
@@ -283,36 +283,36 @@ class CurrentSum(Current):
                 raise CurrentError(f"sum: a part is {type(part).__name__}, it must be a Current")
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """Collect the records of all parts."""
+        """Collect the records of all currents."""
         return [r for part in self.parts for r in part.records(duration_s, origin)]
 
     def pinned(self, duration_s: float, origin: Origin | None = None) -> CurrentSum:
-        """Return the sum with each part pinned."""
+        """Return the sum with each current pinned."""
         return CurrentSum(parts=tuple(part.pinned(duration_s, origin) for part in self.parts))
 
     def begins(self, duration_s: float, origin: Origin) -> Origin:
-        """Start place and time by the parts; the first part with a start of its own wins."""
+        """Start place and time; the first current that has a start of its own decides."""
         for part in reversed(self.parts):
             origin = part.begins(duration_s, origin)
         return origin
 
     def check_place(self, latitude_deg: float, longitude_deg: float) -> None:
-        """Check the place with each part."""
+        """Check the place with each current."""
         for part in self.parts:
             part.check_place(latitude_deg, longitude_deg)
 
     def check_time(self, time: str) -> None:
-        """Check the time with each part."""
+        """Check the time with each current."""
         for part in self.parts:
             part.check_time(time)
 
     def reaching(self, distance_m: float) -> CurrentSum:
-        """Return the sum with each part covering `distance_m`."""
+        """Return the sum with each current covering `distance_m`."""
         return CurrentSum(parts=tuple(part.reaching(distance_m) for part in self.parts))
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
-        """Rebuild the sum from `describe()`, nested parts first."""
+        """Rebuild the sum from `describe()`, nested currents first."""
         parts = settings.get("parts", ())
         return super().from_settings(
             {**settings, "parts": tuple(current_from_dict(part) for part in parts)}

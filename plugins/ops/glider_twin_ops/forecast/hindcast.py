@@ -293,7 +293,7 @@ def hindcast(
 
     Raises:
       CurrentError: the field does not cover a deployment.
-      StoreError: no store of logs, or none of its dives has two fixes and a way through the water.
+      StoreError: no store of logs, or none of its dives has two fixes and a known path in water.
       InputError: a fraction that is not from 0 to below 1, no store, the same dives twice, or
         members that are too few or too many.
       VehicleError: no such vehicle.

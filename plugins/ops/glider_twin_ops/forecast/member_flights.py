@@ -293,7 +293,7 @@ class Surfacing:
         return degrees(np.array([self.north, self.east]) + around, place)
 
     def describe(self) -> dict[str, Any]:
-        """Figures as `--json` prints them."""
+        """Numbers as `--json` prints them."""
         same = ("number", "latitude", "longitude", "time_s", "early_s", "late_s", "bound_s")
         return {name: getattr(self, name) for name in same} | {
             "part_of_members": self.part,

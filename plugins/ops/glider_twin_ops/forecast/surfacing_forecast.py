@@ -139,7 +139,7 @@ class Forecast:
         return degrees(np.array(points).reshape(-1, 2), place)
 
     def describe(self) -> dict[str, Any]:
-        """Figures as `--json` prints them."""
+        """Numbers as `--json` prints them."""
         request, place, beside = self.request, self.request.place, self.beside_mujoco
         same = ("flown", "failed", "spread", "left_out", "over_s", "remarks", "bounds_known")
         return {

@@ -95,7 +95,7 @@ def dive_rows(
 
     Args:
       rows: rows of the dives in the store. numbers: their numbers.
-      legs: legs of the deployment; a dive without one has no way and no current.
+      legs: legs of the deployment; a dive without a leg has no path and no current.
     """
     by_row = {one.mission: one.leg for one in legs}
     durations, found = logs.number(DIVE_DURATION), []

@@ -158,7 +158,7 @@ def newest_fix(logs: LogStore, rows: Sequence[int]) -> LastFix | None:
 
 
 class Arrival(NamedTuple):
-    """Way from the last fix to the next waypoint, and the time of arrival there."""
+    """Leg from the last fix to the next waypoint, and the time of arrival there."""
 
     latitude: float
     """[degree]"""
