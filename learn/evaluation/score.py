@@ -44,7 +44,7 @@ from twin.navigation.dead_reckoning import (
 from twin.navigation.estimators.base import Estimate
 
 NETWORK, FLOOR, DVL = "network", "floor", "dvl"
-"""Names of methods: networks; true velocities, a lower bound of error; the Doppler log's baseline"""
+"""Names of methods: networks; true velocities (lower bound of error); Doppler log as a baseline"""
 LAUNCH_S = 30.0
 """[s] Time after the start, the launch from rest, that figures `..._after_30s` leave out."""
 TARGETS = ("surge", "sway")
