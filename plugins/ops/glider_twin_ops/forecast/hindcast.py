@@ -287,7 +287,7 @@ def hindcast(
       priors: of the models, before the first dive; None takes the shipped ones.
       waypoints: number of a dive's waypoints that are known, from the first; None: all.
       members: number that is flown for each scored surfacing, as `forecast` does, by `vehicle` or
-        the shipped one of the log's kind; None: none.
+        the shipped one of the log's type; None: none.
       engine: flies the members, as `Scenario.engine`.
       advance: called once for each deployment that is done.
 

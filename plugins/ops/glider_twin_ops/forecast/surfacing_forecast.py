@@ -211,7 +211,7 @@ def forecast(
       refined: called with the forecast so far, first of the first member, then after each fleet.
 
     Raises:
-      InputError and its kinds: the request cannot be flown.
+      InputError and its subclasses: the request cannot be flown.
       TwinError: the flights of all members became unstable.
     """
     members = members_of(request, known)

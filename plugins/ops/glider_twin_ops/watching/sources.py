@@ -81,7 +81,7 @@ class Source:
     says: str
     """Files that arrive, in a few words"""
     logs: tuple[str, ...]
-    """Kinds of its logs, as `factory import` names them"""
+    """Types of its logs, as `factory import` names them"""
     joins: bool = False
     """True where all its logs are one deployment; `factory import` makes a deployment of each"""
     dialogues: str = ""
@@ -123,10 +123,10 @@ SOURCES: Registry[Source] = Registry(
 
 
 def source_of(address: str, kind: str) -> Source:
-    """Find the source for an address, or for a folder with logs of a kind.
+    """Find the source for an address, or for a folder with logs of a type.
 
     Args:
-      kind: kind of the logs; empty: no file reveals it yet.
+      kind: type of the logs; empty: no file reveals it yet.
 
     Raises:
       InputError: no source brings such logs from there.
@@ -153,7 +153,7 @@ def newest_dialogue(
     """Read the newest surface dialogue in the files of a folder; None without any.
 
     Args:
-      kind: kind of the logs; empty: unknown, so that the dialogues of every source are read.
+      kind: type of the logs; empty: unknown, so that the dialogues of every source are read.
       until: latest time of a surfacing, UTC.
     """
     if not folder.is_dir():
