@@ -165,7 +165,7 @@ def averaged(logs: LogStore, missions: list[int], kind: str) -> Array:
     """Read depth-averaged currents of dives, north and east [m/s], (dives, 2); NaN if unknown.
 
     Args:
-      type: OURS, computed from sink rate, pitch and fixes; THEIRS, reported by the vehicle or its
+      kind: OURS, computed from sink rate, pitch and fixes; THEIRS, reported by the vehicle or its
         base station; or PROFILER, the mean of a current profiler over the dive.
     """
     if kind == PROFILER:

@@ -43,7 +43,7 @@ TRUTH = LabelConfig()
 TARGET_SIGNS = {"surge": 1.0, "sway": -1.0}
 """Sign of each velocity in a mission's mirror image, port for starboard."""
 VALIDATING = 4
-"""Number of rows of which one validates, in a training with held-out rows."""
+"""In a training with held-out rows, one of this number of rows validates."""
 DIVISION_EDGES = {"train": (0.0, 0.7), "validation": (0.7, 0.85), "test": (0.85, 1.0)}
 """Ranges of a uniform random number that put a sample in each split of the paper's division."""
 
@@ -99,9 +99,9 @@ def prepare(
       held_out: rows of the store that are neither trained nor validated on. If there are any, the
         store's split has no effect: every fourth of the other rows validates, the rest train.
       labels: source of the velocities to learn, the truth or a Doppler log.
-      spread: prior spread of hulls about the vehicle file, for the flight filter.
-      resident: keep all sequences in memory; if False, they are read again on each use, with the
-        same values.
+      spread: prior standard deviations of hulls about the vehicle file, for the flight filter.
+      resident: keep all sequences in memory; if False, read them again on each use, with equal
+        values.
 
     Raises:
       InputError: the target or division is unknown; a vehicle's part has no mirror image.
@@ -130,7 +130,7 @@ def training_lengths(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Lengths, in samples, of the missions that may train, and of those that may validate.
 
-    Held-out rows or a division by samples give the same missions twice. Errors: see `Selection`.
+    With held-out rows or a division by samples, both lists are equal. Errors: see `Selection`.
     """
     with open_stores(store, any_channel(each_store(store)[0]), period=period) as selection:
         places = _candidates(selection, division, held_out)
@@ -182,7 +182,7 @@ class _Task:
         return None if self.signs is None else Mirror(self.signs, TARGET_SIGNS[self.target])
 
     def fit(self) -> NormalisationFit:
-        """Start a fit of the normalisation, with mean zero for values that change sign mirrored."""
+        """Start a fit of the normalisation; values that change sign in the mirror get mean zero."""
         if self.signs is None:
             return NormalisationFit(self.features, self.target)
         centred = [n for n, s in zip(self.features, self.signs, strict=True) if s < 0]
@@ -324,7 +324,7 @@ class SampleDivision:
     def weights(self, mission: int, part: str) -> Floats:
         """Weights of a mission's samples: 1 in `part` (train, validation or test), else 0.
 
-        The random stream is advanced to the mission's first sample: the order of calls is free.
+        The random stream starts at the mission's first sample, so calls may have any order.
         """
         bits = np.random.PCG64(self._seed)
         bits.advance(int(self._first[mission]))

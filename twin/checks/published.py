@@ -29,7 +29,7 @@ FIGURES = {
     "turn_rate": "turn_rate_rad_s",
     "vertical_speed": "vertical_speed_m_s",
 }
-"""Published numbers that a motion can have, and their fields of `Trim`."""
+"""Field of `Trim` by the name of a published number."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -98,7 +98,7 @@ class PublishedFlight(PublishedMotion):
     """Propelled motion in which an elevator keeps the depth or a pitch."""
 
     positions: Mapping[str, float]
-    """Positions of parts by name, in their units; a rudder left out keeps motion straight."""
+    """Positions of parts by name, in their units; a missing rudder position: straight motion."""
     held_pitch: float | None = None
     """Pitch that the elevator holds [deg]; None: it keeps the depth."""
 

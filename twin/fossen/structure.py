@@ -57,7 +57,7 @@ class Structure:
         return _compiled(self, lanes, content.generation())
 
     def arithmetic(self, lanes: int) -> Arithmetic:
-        """Count the function's operations by compiling it again: cached code has no text."""
+        """Count the function's operations; compiles the function again: cached code has no text."""
         return Arithmetic.of(_kept_loop(self, self.text, lanes, keep=False)[0])
 
 
@@ -165,7 +165,7 @@ _INSTRUCTIONS = tuple(
 )
 """Calls in LLVM's text that are compiled to instructions."""
 _KIND_LANES = 4096
-"""Lanes of a loop with one type's function: so many that LLVM does not unroll the loop."""
+"""Lanes of a loop with one type's function; LLVM does not unroll a loop of this length."""
 
 
 def _scalar_kinds(structure: Structure) -> str:

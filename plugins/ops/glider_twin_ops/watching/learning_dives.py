@@ -134,7 +134,7 @@ class MostTelling:
 
     @property
     def shrinks(self) -> tuple[float, float]:
-        """Geometric mean of the ratio of standard deviations to `before`, for `ordinary`, `after`."""
+        """Geometric means of the ratios of `ordinary` and of `after` to `before`."""
         usual, these = (np.log(each / self.before) for each in (self.ordinary, self.after))
         return float(np.exp(np.mean(usual))), float(np.exp(np.mean(these)))
 
