@@ -46,7 +46,7 @@ from twin.navigation.estimators.base import Estimate
 NETWORK, FLOOR, DVL = "network", "floor", "dvl"
 """Names of methods: networks; true velocities (lower bound of error); Doppler log as a baseline"""
 LAUNCH_S = 30.0
-"""[s] Time after the start, the launch from rest, that figures `..._after_30s` leave out."""
+"""[s] Duration of the launch from rest, which numbers `..._after_30s` leave out."""
 TARGETS = ("surge", "sway")
 TRACKS = ("water", "velocity", "ground")
 PERCENTILE = 90.0
@@ -81,7 +81,7 @@ class TrackError:
 
 @dataclasses.dataclass(frozen=True)
 class MissionScore:
-    """Scores of one method on one mission; velocities and tracks that it lacks have no entry."""
+    """Scores of one method on one mission, without entries for missing velocities and tracks."""
 
     mission: int
     samples: int
@@ -207,7 +207,7 @@ def _score_dives(
     pairs = list(zip(reference.dives[:-1], reference.dives[1:], strict=True))
     own = estimate.ground_track
     if own is not None and estimate.uses_fixes:
-        # the logged track jumps to the fix at the dive's end, so it is scored just before
+        # the logged track jumps to the fix at the dive's end: score the sample before the jump
         judged = [
             _dive_error(reference, dive, own[dive.start : dive.end], dive.end) for _, dive in pairs
         ]
@@ -293,7 +293,7 @@ def track_statistics(prefix: str, errors: Sequence[TrackError]) -> dict[str, flo
 
 
 def visible(mission: MissionSequence) -> dict[str, Array]:
-    """Channels of a mission that a vehicle has: all but the true ones."""
+    """Channels of a mission that a vehicle has: all but the true channels."""
     return {
         name: np.asarray(values, float)
         for name, values in mission.signals.items()

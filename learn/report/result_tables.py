@@ -20,12 +20,12 @@ Figures = Mapping[str, Any]
 Row = dict[str, object]
 
 PAPER = {"surge_mse": 2.12e-4, "sway_mse": 4.59e-6}
-"""[(m/s)^2] Errors of the paper's glider networks (its table II); their samples are not stated."""
+"""[(m/s)^2] Errors of the paper's glider networks (table II), on samples that it does not state."""
 PAPER_PROPELLED = {"surge_mse": 3.47e-2, "sway_mse": 5.88e-3}
 """[(m/s)^2] Errors of the paper's networks for Tethys (its first study), against a Doppler log."""
 STILL_PERCENT = 1e-6
-"""[% of the path] Largest difference between the true tracks through the water and over ground in
-still water."""
+"""[% of the path] Water counts as still if the true tracks through the water and over ground differ
+by no more."""
 
 
 def methods_of(evaluation: Figures) -> Iterator[tuple[str, Figures]]:
@@ -191,11 +191,11 @@ COLUMNS = {
 MOSTLY = 0.5
 """[1] Fraction of missions outside the training above which a sentence advises `learn adapt`"""
 LEAST_COMPARED = 10
-"""Smallest number of missions or dives to name a better method: a median of fewer is chance."""
+"""Least number of missions or dives for naming a better method: a median of fewer is chance."""
 
 
 def verdicts(evaluation: Figures) -> list[str]:
-    """Sentences on where the networks are better than the baselines, and where not."""
+    """Sentences on the numbers in which the networks are better or worse than the baselines."""
     sentences = []
     for key, words in JUDGED.items():
         mine = evaluation[key]

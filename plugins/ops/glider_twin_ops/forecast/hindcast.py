@@ -1,9 +1,9 @@
 """Hindcast: forecasts of every surfacing of stored deployments, and their scores.
 
 A field gives the current that was forecast for the dives of a deployment. Members fly each
-surfacing as `twin forecast` flies them. They know what the walk knows when the dive begins: the
-currents so far, the waypoints of the dive, and the expected duration. Depth and pitch are those of
-the dive before. Beyond the last waypoint, and in a log without waypoints, the course goes on.
+surfacing as in `twin forecast`, from what is known when the dive begins: the currents so far, the
+waypoints of the dive, and the expected duration. Depth and pitch are those of the dive before.
+Beyond the last waypoint, and in a log without waypoints, the course continues.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ from twin.water.current import Current
 POINTS = 25
 """Number of places along a dive at which the field is read"""
 AHEAD = 2e5
-"""[m] Length of the course beyond the last waypoint: no dive is as long"""
+"""[m] Length of the course beyond the last waypoint, longer than any dive"""
 ARRIVAL = 20.0
 """[m] Radius of arrival at a waypoint, as in the walk (`expected_dive.ARRIVED`)"""
 UNDER, FLATTEST, STEEPEST = 5.0, 5.0, 45.0
@@ -65,7 +65,7 @@ def field_mean(logs: LogStore, legs: Sequence[LoggedLeg], current: Current) -> F
 
     Args:
       logs: the store, for the depths.
-      legs: of one deployment, in order of time, at least one.
+      legs: legs of one deployment, in order of time, at least one.
       current: field; without a time and place of its own it begins at the first leg.
 
     Returns:
@@ -78,7 +78,7 @@ def field_mean(logs: LogStore, legs: Sequence[LoggedLeg], current: Current) -> F
         begin = to_tangent_plane(*one.begin, *first.begin)
         measured = logs.signal("measured_depth", alike.mission).astype(float)
         known, depth = np.flatnonzero(np.isfinite(measured)), np.zeros(len(part))
-        if known.size:  # gaps are bridged
+        if known.size:  # interpolate over gaps
             at, dived = part * alike.leg.duration / logs.period, np.maximum(measured[known], 0.0)
             depth = np.interp(at, known, dived)
         found = np.zeros(2)
@@ -119,9 +119,9 @@ class MemberFlights:
 
         Args:
           before: the dives so far, at least one.
-          one: only its begin, its waypoints and the vehicle's current estimate are read.
-          models: as they stand after the last of `before`.
-          duration: [s] expected.
+          one: dive whose begin, waypoints and current estimate are read.
+          models: models after the last dive of `before`.
+          duration: [s] expected duration.
           reach: [1] squared radii of the two ellipses, as in `Walked`.
 
         Returns:
@@ -165,7 +165,7 @@ class MemberFlights:
         return np.array([told[0].north, told[0].east]), told[0].covariance
 
     def beside_mujoco(self) -> EndsApart | None:
-        """Fly the last dive's first member in MuJoCo too; None where none was flown in lanes."""
+        """Fly the last dive's first member in MuJoCo too; None if lanes flew no member."""
         if self._nominal is None or self._engine != "lanes":
             return None
         scenario, flight = self._nominal
@@ -235,7 +235,7 @@ class DeploymentHindcast(_Scored):
 
     @property
     def surfacings(self) -> tuple[HindcastSurfacing, ...]:
-        """One for each leg but the first."""
+        """Surfacings with their forecasts, one for each leg but the first."""
         return self.walked.surfacings
 
     def describe(self) -> dict[str, object]:
@@ -284,10 +284,10 @@ def hindcast(
       vehicle: flight model for the velocity through the water, a file or a shipped name; None takes
         depth rate and pitch, else the vehicle's reported current.
       current: forecast field that is known ahead.
-      priors: of the models, before the first dive; None takes the shipped ones.
+      priors: priors of the models, before the first dive; None: the shipped priors.
       waypoints: number of a dive's waypoints that are known, from the first; None: all.
-      members: number that is flown for each scored surfacing, as `forecast` does, by `vehicle` or
-        the shipped one of the log's type; None: none.
+      members: number of members that are flown for each scored surfacing, as in `forecast`, by
+        `vehicle` or the shipped vehicle of the log's type; None: none.
       engine: flies the members, as `Scenario.engine`.
       advance: called once for each deployment that is done.
 
