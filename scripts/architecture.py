@@ -52,10 +52,6 @@ FLOWS = (
 """Data flow from box to box, with both branches of `records`"""
 INTO_RECORDS = ("navigation", "generation", "importing")
 OUT_OF_RECORDS = ("identify", "pictures", "exporting", "data")
-DERIVED = {
-    "learn.training.optimiser.Optimiser": ("learn.MinibatchOptimiser", "learn.FullBatchOptimiser")
-}
-"""Classes to derive from, where an extension point refuses its base class itself"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -91,10 +87,9 @@ def seam_table() -> str:
         "|---|---|---|---|---|",
     ]
     for seam in seams():
-        bases = ", ".join(f"`{base}`" for base in DERIVED.get(seam.base, (seam.base,)))
         page = Path(seam.page.partition("#")[0]).stem.replace("_", " ")
         rows.append(
-            f"| {seam.what} | `{seam.folder}/` | {bases} | `{seam.group}` "
+            f"| {seam.what} | `{seam.folder}/` | `{seam.base}` | `{seam.group}` "
             f"| [{page}](../{seam.page}) |"
         )
     return "\n".join(rows) + "\n"

@@ -186,15 +186,14 @@ def _segment(
 
 Place = tuple[float, float]
 """Latitude and longitude [degree]."""
-Span = tuple[float, float]  # [s] Unix times of start and end
 
 
 def _place(fixes: LoggedFixes, k: int) -> Place:
     return float(fixes.latitude[k]), float(fixes.longitude[k])
 
 
-def _make_segment(span: Span, first: Place | None, last: Place | None, **stay: Any) -> LogSegment:
-    """Make a row between two positions; `stay` is the surface interval before the row."""
+def _make_segment(span: Place, first: Place | None, last: Place | None, **stay: Any) -> LogSegment:
+    """Make a row of the times `span` [s] between two positions; `stay`: surface interval before it."""
     moved = NOWHERE
     if first is not None and last is not None:
         north, east = offset(np.float64(last[0]), np.float64(last[1]), *first)
