@@ -193,7 +193,7 @@ def _place(fixes: LoggedFixes, k: int) -> Place:
 
 
 def _make_segment(span: Place, first: Place | None, last: Place | None, **stay: Any) -> LogSegment:
-    """Make a row of the times `span` [s] between two positions; `stay`: surface interval before it."""
+    """Make a row of times `span` [s] between two positions; `stay`: surface interval before it."""
     moved = NOWHERE
     if first is not None and last is not None:
         north, east = offset(np.float64(last[0]), np.float64(last[1]), *first)
