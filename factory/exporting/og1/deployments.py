@@ -90,7 +90,7 @@ def export_og1_logs(
       folder: for the files.
       advance: called for each dive that is written.
       vehicle: file or name of the vehicle whose flight model makes track and velocities; default
-        the shipped one of the log's kind.
+        the shipped one of the log's type.
       metadata: facts on the deployment that the logs lack.
 
     Raises:

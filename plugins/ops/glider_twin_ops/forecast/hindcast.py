@@ -69,7 +69,7 @@ def field_mean(logs: LogStore, legs: Sequence[LoggedLeg], current: Current) -> F
       current: field; without a time and place of its own it begins at the first leg.
 
     Returns:
-      A function, which raises CurrentError where the field does not cover a leg.
+      A function of a leg, which raises CurrentError if the field does not cover the leg.
     """
     first, part = legs[0], np.linspace(0.0, 1.0, POINTS)
 
@@ -82,7 +82,7 @@ def field_mean(logs: LogStore, legs: Sequence[LoggedLeg], current: Current) -> F
             at, dived = part * alike.leg.duration / logs.period, np.maximum(measured[known], 0.0)
             depth = np.interp(at, known, dived)
         found = np.zeros(2)
-        for _ in range(2):  # along the path through the water, then along that with the field
+        for _ in range(2):  # first along the path through the water, then with the field added
             north, east = (
                 at + (metres + duration * moved) * part
                 for at, metres, moved in zip(begin, way, found, strict=True)
@@ -206,9 +206,9 @@ class _Scored:
 
     surfacing: Scores
     current: Scores
-    """Displacement by the current; displacement through the water and duration are given"""
+    """Scores of the displacement by the current, with given duration and path through the water"""
     members: Scores | None = None
-    """Surfacings by flown members; None where no members were flown"""
+    """Scores of surfacings by flown members; None if no members were flown"""
 
     def describe(self) -> dict[str, object]:
         """Scores as `--json` prints them."""
@@ -223,7 +223,7 @@ class DeploymentHindcast(_Scored):
     name: str
     store: Path
     dives: int
-    """Number of dives in the store, with those that have no two fixes or no known displacement"""
+    """Number of dives in the store, including dives without two fixes or a known displacement"""
     legs: tuple[LoggedLeg, ...]
     train: int
     """Number of legs at the beginning that are not scored"""
@@ -256,8 +256,8 @@ class Hindcast(_Scored):
     train_fraction: float
 
     def rows(self, which: str, least: int = 0) -> list[tuple[str, Scores]]:
-        """Name and scores of each deployment of at least `least` surfacings; several are followed
-        by the scores of all together."""
+        """Name and scores of each deployment of at least `least` surfacings; with several, scores
+        of all together come last."""
         told = ((one.name, getattr(one, which)) for one in self.deployments)
         found = [(name, one) for name, one in told if one is not None and one.segments >= least]
         return [*found, ("all", getattr(self, which))] if len(found) > 1 else found
@@ -279,8 +279,8 @@ def hindcast(
 
     Args:
       stores: paths of stores that `factory import` wrote.
-      train_fraction: fraction of each deployment's legs, at its beginning, that teaches and is not
-        scored, such as the dives that a vehicle was identified on.
+      train_fraction: fraction of each deployment's legs, from the first, that the models learn from
+        and that is not scored, such as the dives that a vehicle was identified on.
       vehicle: flight model for the velocity through the water, a file or a shipped name; None takes
         depth rate and pitch, else the vehicle's reported current.
       current: forecast field that is known ahead.
@@ -289,7 +289,7 @@ def hindcast(
       members: number of members that are flown for each scored surfacing, as in `forecast`, by
         `vehicle` or the shipped vehicle of the log's type; None: none.
       engine: flies the members, as `Scenario.engine`.
-      advance: called once for each deployment that is done.
+      advance: called after each deployment.
 
     Raises:
       CurrentError: the field does not cover a deployment.
@@ -379,7 +379,7 @@ def _scores(
 
 
 def _check_new(one: DeploymentHindcast, before: Sequence[DeploymentHindcast]) -> None:
-    """Raise InputError where a deployment shares dives (place and second) with one before."""
+    """Raise InputError if two deployments share a dive: equal place and second."""
     dives, *others = (
         {(round(leg.leg.start), *(round(v, 4) for v in leg.begin)) for leg in each.legs}
         for each in (one, *before)
