@@ -391,7 +391,7 @@ def other_kind(store: str | StorePath, vehicle: Vehicle, kind: str = "") -> str:
         return ""
     return (
         f"vehicle {vehicle.name} ({model}) is of another kind than that of the log {store} "
-        f"({flown}): it did not fly these dives; give --vehicle of the log's type"
+        f"({flown}): it did not fly these dives; give --vehicle of the log's kind"
     )
 
 

@@ -157,7 +157,7 @@ class ForecastSurfacings(JsonOption):
         if self.logs is not None:
             if self.vehicle is None:
                 console.note(
-                    f"vehicle: {vehicle.name}, of the log's type; --vehicle takes an identified one"
+                    f"vehicle: {vehicle.name}, of the log's kind; --vehicle takes an identified one"
                 )
             console.note(f"reading {self.logs}")
             if warning := other_kind(self.logs, vehicle):
