@@ -146,7 +146,7 @@ class Request:
 
     @property
     def flown(self) -> float:
-        """[s] Duration of members' flights: beyond the horizon, until late members have surfaced."""
+        """[s] Duration of members' flights, beyond the horizon until late members have surfaced."""
         return self.horizon + self.deepest / SLOWEST + LATE * longest_dive(self.mission)
 
 
