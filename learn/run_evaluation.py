@@ -102,7 +102,7 @@ def judge(run: Run, split: str, watch: Watch | None = None, limit: int | None = 
 
 
 class Hulls:
-    """Out-of-distribution scores of missions' hulls; pass `add` to `evaluate` as a watch."""
+    """Out-of-distribution scores of missions' hulls; `add` is a callback for `evaluate`."""
 
     def __init__(self, familiar: Familiarity, flight: FlightFilter) -> None:
         self._familiar, self._flight = familiar, flight

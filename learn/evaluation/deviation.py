@@ -177,7 +177,7 @@ def network_position_sd(
 
 class Coverage:
     """Count missions that end within two predicted standard deviations, and samples within the
-    intervals of surge and sway; pass `add` to `evaluate` as a watch."""
+    intervals of surge and sway; `add` is a callback for `evaluate`."""
 
     def __init__(
         self,
@@ -225,7 +225,7 @@ class Coverage:
 
 
 class FixConsistency:
-    """Test of a navigator's stated errors at GPS fixes; pass `add` to `evaluate` as a watch.
+    """Test of a navigator's stated errors at GPS fixes; `add` is a callback for `evaluate`.
 
     The test uses dives from fix to fix below `SHALLOW_DEPTH`. The networks' velocity and the
     measured attitude give the displacement through the water.

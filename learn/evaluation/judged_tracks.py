@@ -45,7 +45,7 @@ TRUTH_NAMES = ("floor",)
 
 
 class TrackCollector:
-    """Collect the tracks of an evaluation; pass `add` to `evaluate` as a watch."""
+    """Collect the tracks of an evaluation; `add` is a callback for `evaluate`."""
 
     def __init__(self) -> None:
         self._missions: list[int] = []

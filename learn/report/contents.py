@@ -74,7 +74,7 @@ class Shown:
 
 
 class Showcase:
-    """Keep the missions with the longest paths; `add` is a callback for `learn.evaluate`."""
+    """Keep the missions with the longest paths; `add` is a callback for `evaluate`."""
 
     def __init__(self, most: int = DRAWN_MISSIONS) -> None:
         self._most = most
