@@ -61,17 +61,17 @@ class CompassIron(Fault):
         return _apparent(way, np.sin(np.arctan2(east, north) - math.radians(self.toward)))
 
     def choices(self, vehicle: Vehicle) -> tuple[Mapping[str, Any], ...]:
-        """Values of `toward` 45 deg apart, over half a turn because the size has a sign."""
+        """Values of `toward` 45 deg apart, over half a circle because the size has a sign."""
         return tuple({"toward": 45.0 * k} for k in range(4))
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """Add the deviation to the heading; nothing without a compass."""
+        """Add the deviation to the heading; no change without a compass."""
         return _misread(signals, lambda true: size * np.sin(np.deg2rad(true - self.toward)))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CompassTurned(Fault):
-    """A compass turned as a whole: moved in its mount, or with the declination of another place."""
+    """A compass turned by a constant angle: by its mount, or by another place's declination."""
 
     kind = "compass_turned"
     says = "the compass is turned as a whole"
@@ -86,7 +86,7 @@ class CompassTurned(Fault):
     find_out = "fly legs on three headings with fixes between them, and compare"
 
     degrees: float = 8.0
-    """[degree] Reading less heading, on every heading"""
+    """[degree] Compass reading minus true heading, equal on every heading"""
 
     def change(self, condition: Condition, size: float) -> Condition:
         """Turn guidance's compass."""
@@ -97,7 +97,7 @@ class CompassTurned(Fault):
         return _apparent(way, np.ones(len(way)))
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """Turn the heading; nothing without a compass."""
+        """Turn the heading; no change without a compass."""
         return _misread(signals, lambda _: size)
 
 
@@ -108,7 +108,7 @@ def _apparent(way: Array, degrees: Array) -> Mapping[str, Array]:
 
 
 def _misread(signals: Readings, off: Callable[[Array], Array]) -> Readings:
-    """Add an error [degree], a function of the heading, to the compass; nothing without one."""
+    """Add an error [degree], a function of the heading, to the compass; no change without one."""
     true = signals.get("measured_heading")
     return {} if true is None else {"measured_heading": np.mod(true + off(true), 360.0)}
 
@@ -160,7 +160,7 @@ class AltimeterBlind(Fault):
     """Fraction of the altimeter returns that is lost"""
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """Reduce guidance's returns; without a return it uses the last one for a while."""
+        """Reduce guidance's returns; without a return, guidance uses the last one for a while."""
         heard = (1.0 - condition.echoes_lost) * (1.0 - size)
         return condition.replace(echoes_lost=1.0 - heard)
 
@@ -169,7 +169,7 @@ class AltimeterBlind(Fault):
         return {"echoes": -np.ones(len(way))}
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """Replace lost returns by NaN; nothing without an altimeter."""
+        """Replace lost returns by NaN; no change without an altimeter."""
         height = signals.get("measured_altitude")
         if height is None:
             return {}
@@ -212,13 +212,13 @@ class _Lagged(Fault):
     """Name of the instrument's signal."""
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """Apply the lag and recompute salinity and density; nothing without a CTD."""
+        """Apply the lag and recompute salinity and density; no change without a CTD."""
         if any(name not in signals for name in CTD):
             return {}
         return self.shown(signals, lagged(signals[self.late], size, period))
 
     def shown(self, signals: Readings, late: Array) -> Readings:
-        """Readings of a CTD with `late` for the lagged signal: PSS-78 and TEOS-10, as in `Ctd`."""
+        """Readings of a CTD whose lagged signal is `late`: PSS-78 and TEOS-10, as in `Ctd`."""
         import gsw
 
         temperature, conductivity, pressure = ({**signals, self.late: late}[name] for name in CTD)
@@ -293,7 +293,7 @@ class ThermistorSlow(_Lagged):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DvlBeam(Fault):
-    """A Doppler log with a dead beam: it loses lock whenever another beam gets no return."""
+    """A Doppler log with a dead beam, which loses lock when another beam gets no return."""
 
     kind = "dvl_beam"
     says = "a beam of the Doppler log is dead"
@@ -308,7 +308,7 @@ class DvlBeam(Fault):
     """Fraction of the samples that lose their lock"""
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """Remove velocities and lock of lost samples; nothing without a Doppler log."""
+        """Remove velocities and lock of lost samples; no change without a Doppler log."""
         if "measured_dvl_mode" not in signals:
             return {}
         lost = rng.random(len(size)) < size

@@ -26,9 +26,9 @@ OVERSHOOT_MARGIN_M = 3.0
 DEPTHS = ("max_depth_m", "depth_m", "until_depth_m")
 """Fields of segments that name a depth to go to"""
 DEEPEST = 1500.0
-"""[m] Rated depth of a vehicle whose file has none: that of the deepest shipped vehicle"""
+"""[m] Rated depth for a file without one: the deepest shipped vehicle's"""
 TOO_DEEP = 1.2
-"""[1] Depth over the rated depth beyond which a mission is refused"""
+"""[1] Largest allowed ratio of a mission's depth to the rated depth"""
 
 
 def built_for(vehicle: Vehicle) -> float:
@@ -56,7 +56,7 @@ class Mission:
     name: str = "mission"
     """Name of the mission in summaries and stores."""
     duration_s: float | None = None
-    """Time at which the simulation ends [s]; None: when the segments are flown."""
+    """Time at which the simulation ends [s]; None: the end of the last segment."""
     start_depth_m: float = 0.0
     """Depth of the start [m], positive down."""
     start_heading_deg: float = 0.0
@@ -151,7 +151,7 @@ class Mission:
 
     @property
     def needs_floor(self) -> str:
-        """Name of the first field in use that needs a sea floor; empty: none does."""
+        """Name of the first field in use that needs a sea floor; empty if no field does."""
         for name in ("altitude_m", "min_altitude_m"):
             if any(getattr(segment, name, None) is not None for segment in self.segments):
                 return name
@@ -165,7 +165,7 @@ class Mission:
 
     @property
     def needs_place(self) -> bool:
-        """True if a target is a latitude and longitude, so the start must be known on the Earth."""
+        """True if a target has a latitude and longitude, so that the start must have them too."""
         return any(getattr(segment, "geographic", False) for segment in self.segments)
 
     def placed(self, latitude: float, longitude: float) -> Mission:
@@ -182,7 +182,7 @@ class Mission:
     def compile(self, vehicle: Vehicle) -> tuple[Array, Array]:
         """Table (rows + 1, SEGMENT_COLUMNS + 3 parts) and gains (GAINS,) for guidance.
 
-        A segment has one row; a kind made of several segments, such as a lawn-mower, has several.
+        A segment has one row; a type made of several segments, such as a lawn-mower, has several.
 
         Raises:
           MissionError: a segment exceeds the vehicle's abilities, or a target is in degrees.
