@@ -59,6 +59,8 @@ class Table:
     texts: Mapping[str, NDArray[Any]] = dataclasses.field(default_factory=dict)
     owner: str = ""
     """Vehicle or deployment, if the file names it."""
+    short: int = 0
+    """Rows that were left out, as they have fewer cells than a table without a header has names."""
 
     def has(self, *names: str) -> bool:
         """True when all the columns are there."""
@@ -69,14 +71,19 @@ class Table:
         return len(every[0]) if every else 0
 
 
-def read_table(path: Path) -> Table:
-    """Read a csv, csv.gz or parquet file.
+def read_table(path: Path, names: Sequence[str] = ()) -> Table:
+    """Read a csv, csv.gz or parquet file, or a text of numbers without a header.
+
+    Args:
+      names: of the columns of a text without a header, whose cells are separated by blanks.
 
     Raises:
       InputError: unreadable, empty or truncated, or pyarrow is missing.
     """
     if path.stat().st_size == 0:
         raise InputError(f"{path} is empty")
+    if names:
+        return _without_header(path, names)
     if path.suffix.lower() == ".parquet":
         return _parquet(path)
     return _csv(path)
@@ -217,6 +224,41 @@ def _csv(path: Path) -> Table:
     # files that were appended to each other repeat their line of names
     again = (frame[list(range(len(names)))] == names).all(axis=1)
     frame = frame[~again]
+    columns, texts = _columns(frame, names, delimiter)
+    return Table(path, columns, texts)
+
+
+def _without_header(path: Path, names: Sequence[str]) -> Table:
+    """Read a text of rows with as many cells as there are names; shorter rows were cut off."""
+    import pandas as pd
+
+    try:
+        with _opened(path) as file, warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # cells would be lost
+            frame = pd.read_csv(
+                file, sep=r"\s+", header=None, names=range(len(names) + 1), dtype=str,
+                na_filter=False, index_col=False,
+            )  # fmt: skip
+    except _UNREADABLE as error:
+        raise InputError(f"{path} cannot be read to its end: {_line(error)}") from error
+    except (pd.errors.ParserError, pd.errors.ParserWarning, pd.errors.EmptyDataError) as error:
+        raise InputError(
+            f"{path} is not a table of {len(names)} columns: {_line(error)}"
+        ) from error
+    cells = frame.fillna("")
+    if (cells[len(names)] != "").any():
+        raise InputError(f"{path} has rows of more than {len(names)} cells, which have no name")
+    whole = (cells[len(names) - 1] != "").to_numpy()
+    if not whole.any():
+        raise InputError(f"{path} has no row of {len(names)} cells")
+    columns, texts = _columns(cells[whole], names, " ")
+    return Table(path, columns, texts, short=int((~whole).sum()))
+
+
+def _columns(
+    frame: pd.DataFrame, names: Sequence[str], delimiter: str
+) -> tuple[dict[str, Array], dict[str, NDArray[Any]]]:
+    """Columns of numbers, and of other texts, of a frame of words."""
     columns, texts = dict[str, Array](), dict[str, NDArray[Any]]()
     for k, name in enumerate(names):
         if not name:  # the index that pandas writes, or a separator at the end
@@ -229,7 +271,7 @@ def _csv(path: Path) -> Table:
             texts[name] = words.to_numpy(object)
         else:
             columns[name] = measurable(numbers)
-    return Table(path, columns, texts)
+    return columns, texts
 
 
 _DECIMAL_COMMA = r"^([-+]?\d*),(\d+(?:[eE][-+]?\d+)?)$"

@@ -409,6 +409,22 @@ SPRAY = Importer(
 )  # fmt: skip
 """Importer of binned files of Scripps' Spray gliders."""
 
+PD0 = Importer(
+    name="pd0",
+    vehicle="any vehicle with a Doppler log of RDI",
+    files="PD0 files of Pathfinder, Explorer, Workhorse and others, in beam, instrument, ship or "
+    "earth axes",
+    channels="velocity through the water in hull axes with its standard deviation, velocity over "
+    "ground by bottom track, height above the bottom; depth and attitude that the file has",
+    suffixes=frozenset({".pd0", ".000", ".ens"}),
+    marks=frozenset({"fixed leader", "variable leader"}),
+    period=2.0,
+    read="factory.importing.formats.pd0_reader:read_pd0_logs",
+    first_bytes=(b"\x7f\x7f",),
+    lacks=DRIVEN,
+)
+"""Importer of Doppler logs in RDI's own format; beside a vehicle's log: `--doppler`."""
+
 CSV = Importer(
     name="csv",
     vehicle="any vehicle",
