@@ -60,7 +60,7 @@ class Table:
     owner: str = ""
     """Vehicle or deployment, if the file names it."""
     short: int = 0
-    """Rows that were left out, as they have fewer cells than a table without a header has names."""
+    """Rows that were left out, as they have fewer cells than a file without a header has names."""
 
     def has(self, *names: str) -> bool:
         """True when all the columns are there."""
@@ -82,11 +82,9 @@ def read_table(path: Path, names: Sequence[str] = ()) -> Table:
     """
     if path.stat().st_size == 0:
         raise InputError(f"{path} is empty")
-    if names:
-        return _without_header(path, names)
     if path.suffix.lower() == ".parquet":
         return _parquet(path)
-    return _csv(path)
+    return _csv(path, names)
 
 
 def _opened_parquet(path: Path) -> Any:
@@ -195,17 +193,18 @@ class _PaddedTable(io.TextIOBase):
         return first or self._file.read(-1 if size is None else size)
 
 
-def _csv(path: Path) -> Table:
+def _csv(path: Path, given: Sequence[str] = ()) -> Table:
     import pandas as pd
 
     try:
         with _opened(path) as file, warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # cells would be lost
-            names, delimiter = _header(file)
+            names, delimiter = (list(given), r"\s+") if given else _header(file)
             # a row may end with a separator, so that it has an empty cell more than the header
             cells = range(len(names) + 1)
+            first = "- " * len(cells) if given else delimiter * len(names)
             frame = pd.read_csv(
-                _PaddedTable(delimiter * len(names) + "\n", file), sep=delimiter, header=None,
+                _PaddedTable(first + "\n", file), sep=delimiter, header=None,
                 names=cells, dtype=str, na_filter=False, index_col=False,
             )[1:]  # fmt: skip
     except _UNREADABLE as error:
@@ -224,41 +223,9 @@ def _csv(path: Path) -> Table:
     # files that were appended to each other repeat their line of names
     again = (frame[list(range(len(names)))] == names).all(axis=1)
     frame = frame[~again]
-    columns, texts = _columns(frame, names, delimiter)
-    return Table(path, columns, texts)
-
-
-def _without_header(path: Path, names: Sequence[str]) -> Table:
-    """Read a text of rows with as many cells as there are names; shorter rows were cut off."""
-    import pandas as pd
-
-    try:
-        with _opened(path) as file, warnings.catch_warnings():
-            warnings.simplefilter("error", pd.errors.ParserWarning)  # cells would be lost
-            frame = pd.read_csv(
-                file, sep=r"\s+", header=None, names=range(len(names) + 1), dtype=str,
-                na_filter=False, index_col=False,
-            )  # fmt: skip
-    except _UNREADABLE as error:
-        raise InputError(f"{path} cannot be read to its end: {_line(error)}") from error
-    except (pd.errors.ParserError, pd.errors.ParserWarning, pd.errors.EmptyDataError) as error:
-        raise InputError(
-            f"{path} is not a table of {len(names)} columns: {_line(error)}"
-        ) from error
-    cells = frame.fillna("")
-    if (cells[len(names)] != "").any():
-        raise InputError(f"{path} has rows of more than {len(names)} cells, which have no name")
-    whole = (cells[len(names) - 1] != "").to_numpy()
-    if not whole.any():
-        raise InputError(f"{path} has no row of {len(names)} cells")
-    columns, texts = _columns(cells[whole], names, " ")
-    return Table(path, columns, texts, short=int((~whole).sum()))
-
-
-def _columns(
-    frame: pd.DataFrame, names: Sequence[str], delimiter: str
-) -> tuple[dict[str, Array], dict[str, NDArray[Any]]]:
-    """Columns of numbers, and of other texts, of a frame of words."""
+    whole = frame[len(names) - 1].fillna("") != ""
+    short = int((~whole).sum()) if given else 0
+    frame = frame[whole] if given else frame
     columns, texts = dict[str, Array](), dict[str, NDArray[Any]]()
     for k, name in enumerate(names):
         if not name:  # the index that pandas writes, or a separator at the end
@@ -271,7 +238,7 @@ def _columns(
             texts[name] = words.to_numpy(object)
         else:
             columns[name] = measurable(numbers)
-    return columns, texts
+    return Table(path, columns, texts, short=short)
 
 
 _DECIMAL_COMMA = r"^([-+]?\d*),(\d+(?:[eE][-+]?\d+)?)$"
