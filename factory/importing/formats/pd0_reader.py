@@ -95,8 +95,12 @@ def with_doppler(
         layouts = _layouts(path, tally)
         times = np.concatenate([one["time"] for one in layouts])
         ends = np.nanmin(times), np.nanmax(times)
-        shared = [min(ends[1], log.span[1]) - max(ends[0], log.span[0]) for log in logs]
-        which = int(np.argmax(shared))
+        shared = {
+            k: min(ends[1], log.span[1]) - max(ends[0], log.span[0])
+            for k, log in enumerate(logs)
+            if log.channels
+        }
+        which = max(shared, key=lambda k: shared[k])
         by = find_offsets(path.name, layouts, with_depth(logs[which], Tally()))
         turned = f"{by.heading:+.2f} degree (one ensemble: +- {by.heading_deviation:.2f})"
         tally.add(
@@ -108,7 +112,8 @@ def with_doppler(
         joined.setdefault(which, []).extend(moved)
         names.setdefault(which, []).append(path.name)
 
-    each_file(paths, join, tally)
+    if any(log.channels for log in logs):
+        each_file(paths, join, tally)
     found = list(logs)
     for which, layouts in joined.items():
         log = logs[which]
