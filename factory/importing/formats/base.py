@@ -90,6 +90,8 @@ class Importer:
     """True if the reader uses `ReadOptions.cache`."""
     takes_mapping: bool = False
     """True if the reader uses `ReadOptions.mapping`: the column names are free."""
+    instrument: bool = False
+    """True for logs of an instrument, which may lie beside those of the vehicle that carries it."""
     held: frozenset[str] = frozenset()
     """Channels that are logged only on change: between samples the last value holds."""
     lacks: frozenset[str] = frozenset()
@@ -421,6 +423,7 @@ PD0 = Importer(
     period=2.0,
     read="factory.importing.formats.pd0_reader:read_pd0_logs",
     first_bytes=(b"\x7f\x7f",),
+    instrument=True,
     lacks=DRIVEN,
 )
 """Importer of Doppler logs in RDI's own format; beside a vehicle's log: `--doppler`."""
