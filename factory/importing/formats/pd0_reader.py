@@ -184,8 +184,8 @@ def _measured(
     if found.swapped:
         level = "level" if found.log.turned.any() else "the hull's"
         note(count, f"ship axes are {level}, against the file's word: so the depth rate closes")
-    of = "of the instrument" if vehicle is None else f"by the CTD, times {found.sound:.4f}"
-    note(count, f"speed of sound {of}")
+    by_ctd = f"by the CTD, velocities times {found.sound:.4f}"
+    note(count, f"speed of sound {'of the instrument' if found.sound == 1.0 else by_ctd}")
     for word, factor in (("as set", 1.0), ("half", 0.5), ("twice", 2.0)):
         varied = found
         try:
