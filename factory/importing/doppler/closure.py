@@ -53,9 +53,9 @@ def depth_rate(time: Array, depth: Array, at: Array) -> Array:
     """Depth rate [m/s] at times [s], by a line through `WINDOW` steps; NaN in gaps."""
     rate = np.full(len(at), np.nan)
     for piece in np.split(np.arange(len(time)), np.flatnonzero(np.diff(time) > LONGEST) + 1):
-        steps = np.arange(time[piece[0]], time[piece[-1]] + STEP, STEP) if len(piece) else []
-        if len(steps) < WINDOW:
+        if not len(piece) or time[piece[-1]] - time[piece[0]] < (WINDOW - 1) * STEP:
             continue
+        steps = np.arange(time[piece[0]], time[piece[-1]] + STEP, STEP)
         known = np.interp(steps, time[piece], depth[piece])
         inside = (at >= time[piece[0]]) & (at <= time[piece[-1]])
         rates = savgol_filter(known, WINDOW, 1, deriv=1, delta=STEP)

@@ -28,6 +28,7 @@ from factory.importing.doppler.closure import (
 from factory.importing.doppler.pd0 import Array, Ensembles
 from factory.importing.doppler.relative_velocity import (
     SHIP,
+    Mask,
     RelativeVelocity,
     axes_of,
     relative_velocity,
@@ -73,9 +74,9 @@ class HullVelocity:
     """True if ship axes are level, or not, against the file's word."""
 
     @property
-    def kept(self) -> np.ndarray:
+    def kept(self) -> Mask:
         """True for ensembles with a velocity through the water."""
-        return np.isfinite(self.water).all(axis=1)
+        return np.asarray(np.isfinite(self.water).all(axis=1))
 
 
 def hull_velocity(

@@ -47,13 +47,17 @@ def screen(
       Velocity past the water [m/s], (ensembles, 3), and the error velocity [m/s] of the same mean,
       NaN where every cell is dropped; ensembles whose last cells each screen dropped, by its name.
     """
-    use = np.isfinite(log.water).all(axis=2)
-    dropped = {"no velocity": ~use.any(axis=1)}
+    use: Mask = np.asarray(np.isfinite(log.water).all(axis=2))
+
+    def kept() -> Mask:
+        return np.asarray(use.any(axis=1))
+
+    dropped: dict[str, Mask] = {"no velocity": ~kept()}
 
     def drop(name: str, bad: Mask) -> None:
-        before = use.any(axis=1)
+        before = kept()
         np.logical_and(use, ~bad, out=use)
-        dropped[name] = before & ~use.any(axis=1)
+        dropped[name] = before & ~kept()
 
     drop("percent good", log.good < 100.0 - limits.failed)
     drop("correlation", log.correlation < FULL - limits.decorrelation)
@@ -62,5 +66,5 @@ def screen(
     error = (np.nan_to_num(log.error) * weight).sum(axis=1)
     drop("error velocity", (np.abs(error) > limits.error)[:, None])
     water = np.einsum("tc,tcj->tj", weight, np.nan_to_num(log.water))
-    kept = use.any(axis=1)
-    return np.where(kept[:, None], water, np.nan), np.where(kept, error, np.nan), dropped
+    there = kept()
+    return np.where(there[:, None], water, np.nan), np.where(there, error, np.nan), dropped
