@@ -7,7 +7,6 @@ An ensemble is a header with the places of its blocks, the blocks, and a checksu
 from __future__ import annotations
 
 import dataclasses
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -71,8 +70,8 @@ class Pd0File:
     """Ensembles with a wrong checksum, or with impossible places of blocks."""
     cut: bool
     """True if the last ensemble is not whole."""
-    others: Mapping[int, int]
-    """Ensembles with a block of another type, by its identifier."""
+    blocks: frozenset[int]
+    """Identifiers of all blocks in the file."""
 
 
 Blocks = tuple[tuple[int, int, int], ...]
@@ -102,12 +101,12 @@ def read_pd0(path: Path) -> Pd0File:
             f"{data[:2].tobytes().hex()}, an ensemble with 7f7f. Other formats of RDI (PD3 to PD6, "
             "text) lack what is needed: let the instrument or the maker's software write PD0"
         )
-    layouts, others = [], Counter[int]()
+    layouts = []
     for (size, blocks), places in groups.items():
         rows = data[np.array(places)[:, None] + np.arange(size)]
         layouts.append(_decoded({kind: rows[:, a : a + n] for kind, a, n in blocks}))
-        others.update({kind: len(rows) for kind, _, _ in blocks if kind not in NAMES})
-    return Pd0File(tuple(layouts), damaged, cut, dict(others))
+    present = frozenset(kind for _, blocks in groups for kind, _, _ in blocks)
+    return Pd0File(tuple(layouts), damaged, cut, present)
 
 
 def _ensembles(data: Bytes) -> Iterator[tuple[int, int, bool]]:

@@ -136,8 +136,8 @@ def _layouts(path: Path, tally: Tally) -> tuple[Ensembles, ...]:
     tally.add("removed", path.name, file.damaged, "ensembles with a wrong checksum or layout")
     if file.cut:
         tally.add("note", path.name, 1, f"{TRUNCATED}its last ensemble is not whole")
-    others = [f"type {kind:04x}" for kind in file.others]
-    note_unread("PD0 ensemble", [*NAMES.values(), *others], NAMES.values(), tally)
+    present = [NAMES.get(kind, f"type {kind:04x}") for kind in sorted(file.blocks)]
+    note_unread("PD0 ensemble", present, NAMES.values(), tally)
     return file.layouts
 
 

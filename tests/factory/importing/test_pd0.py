@@ -200,6 +200,7 @@ def test_layouts_may_change_in_a_file_and_other_types_are_named(tmp_path):
     dataset, report = import_logs("pd0", [pd0_files.write(tmp_path / "a.pd0", rows)])
     assert np.isfinite(values(dataset, U)).sum() == 400
     assert report.names["PD0 ensemble"]["not read"] == ("type 2000",)
+    assert "bottom track" not in report.names["PD0 ensemble"]["read"]
 
 
 @settings(max_examples=60, deadline=None)
