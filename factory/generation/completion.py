@@ -113,7 +113,7 @@ Array = tuple[str, NDArray[Any], Mapping[str, Any]]
 
 
 def mission_arrays(recipe: Recipe, missions: Sequence[FlownMission]) -> Iterator[Array]:
-    """Yield the arrays over missions, except those of the plan and those with one fixed value."""
+    """Yield the arrays over missions, except the plan and parameters that nobody sampled or set."""
     counted: dict[str, NDArray[Any]] = {
         names.N_SAMPLES: np.array([flown.samples for flown in missions], np.int32),
         names.ATTEMPT: np.array([flown.attempt for flown in missions], np.int16),
@@ -132,7 +132,7 @@ def mission_arrays(recipe: Recipe, missions: Sequence[FlownMission]) -> Iterator
 
 
 def _parameter(recipe: Recipe, name: str, missions: Sequence[FlownMission]) -> Iterator[Array]:
-    """Yield the array of a parameter, unless all missions have the same fixed value."""
+    """Yield the array of a parameter, unless its preset gives all missions the same value."""
     parameter, distribution = recipe.table[name], recipe.distributions[name]
     words = option_names(recipe, name)
     fixed = distribution.value if isinstance(distribution, Fixed) else None
@@ -150,7 +150,7 @@ def _parameter(recipe: Recipe, name: str, missions: Sequence[FlownMission]) -> I
         values[i, : len(row)] = row
     usual = fixed if isinstance(fixed, float) and not parameter.per_segment else np.nan
     blank = values == UNUSED_CODE if words else np.isnan(values)
-    if not (~blank & (values != usual)).any():
+    if name not in recipe.changes and not (~blank & (values != usual)).any():
         return
     attributes: dict[str, Any] = {
         "units": parameter.unit,
