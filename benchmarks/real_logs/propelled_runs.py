@@ -17,6 +17,7 @@ import numpy as np
 import xarray as xr
 
 from factory.importing import import_logs
+from twin.errors import TwinError
 from twin.identify.logged_missions import body_rates
 from twin.navigation.dead_reckoning import Array
 
@@ -101,15 +102,15 @@ def iver2(folder: Path) -> list[Run]:
     return runs
 
 
-def imported(kind: str, vehicle: str, folder: Path, **options: Any) -> list[Run]:
-    """Read runs by the project's import."""
-    dataset, report = import_logs(kind, [folder], **options)
-    return runs_of(dataset, vehicle, max(PERIOD, report.period))
-
-
-def runs_of(
-    dataset: xr.Dataset, vehicle: str, period: float, truth: str = "measured_dvl"
+def imported(
+    kind: str, vehicle: str, folder: Path, *, truth: str = "measured_dvl", **options: Any
 ) -> list[Run]:
+    """Read runs by the project's import; `truth` as in `runs_of`."""
+    dataset, report = import_logs(kind, [folder], **options)
+    return runs_of(dataset, vehicle, max(PERIOD, report.period), truth)
+
+
+def runs_of(dataset: xr.Dataset, vehicle: str, period: float, truth: str) -> list[Run]:
     """Make runs from a store; the rows of one deployment are one run.
 
     Args:
@@ -146,19 +147,27 @@ SIGNALS = {
 """Signals of a run: name in a store, and factor to the unit here"""
 
 
-def gather(root: Path) -> dict[str, list[Run]]:
-    """Read the runs of each vehicle below a folder of folders; vehicles without one are absent."""
+def gather(root: Path) -> tuple[dict[str, list[Run]], dict[str, str]]:
+    """Read the runs of each vehicle below a folder of folders, or why they cannot be read."""
     readers: dict[str, tuple[str, Callable[[Path], list[Run]]]] = {
         "Iver2": ("auv_iver2*", iver2),
         "Sailfish": ("auv_sailfish*", partial(imported, "csv", "Sailfish", mapping="sailfish")),
         "LAUV": ("auv_lauv*", partial(imported, "lsf", "LAUV")),
+        "REMUS-600": (
+            "auv_remus600*",
+            partial(imported, "pd0", "REMUS-600", truth="measured_bottom"),
+        ),
     }
-    found = {}
+    found, refused = {}, {}
     for vehicle, (pattern, read) in readers.items():
-        runs = [run for folder in sorted(root.glob(pattern)) for run in read(folder)]
+        try:
+            runs = [run for folder in sorted(root.glob(pattern)) for run in read(folder)]
+        except TwinError as error:
+            refused[vehicle] = str(error)
+            continue
         if runs:
             found[vehicle] = [scaled(run, runs) for run in runs]
-    return found
+    return found, refused
 
 
 def scaled(run: Run, runs: Sequence[Run]) -> Run:

@@ -199,7 +199,7 @@ def _left_out(work: Work) -> list[Row]:
 
 
 def _propelled(work: Work) -> list[Row]:
-    vehicles = propelled_runs.gather(work.root)
+    vehicles, refused = propelled_runs.gather(work.root)
     work.say(f"propelled vehicles, one run or vehicle left out: {', '.join(vehicles)}")
     pretrained = None
     if work.networks and vehicles:
@@ -210,7 +210,13 @@ def _propelled(work: Work) -> list[Row]:
     for one in answers:
         if isinstance(one, Failure):
             raise TwinError(f"propelled vehicles: {one.why}")
-    return propelled.rows_of(vehicles, jobs, answers)
+    return [
+        *propelled.rows_of(vehicles, jobs, answers),
+        *(
+            Row(task=propelled.SURGE, data=name, method="", kind="skipped", note=why)
+            for name, why in refused.items()
+        ),
+    ]
 
 
 JUDGES = {

@@ -125,7 +125,8 @@ def test_the_command_reads_both_kinds_of_tables_and_keeps_its_rows(tmp_path, cap
     iver2(tmp_path / "data" / "auv_iver2_2022")
     (tmp_path / "data" / "auv_sailfish").mkdir()
     write_csv(tmp_path / "data" / "auv_sailfish" / "20220701_0_0.csv", sailfish_columns())
-    vehicles = gather(tmp_path / "data")
+    vehicles, refused = gather(tmp_path / "data")
+    assert not refused
     assert {name: len(runs) for name, runs in vehicles.items()} == {"Iver2": 3, "Sailfish": 1}
     run = vehicles["Iver2"][1]
     assert np.isnan(run.surge[:3]).all()
@@ -157,7 +158,7 @@ def test_values_on_a_grid_are_means_and_rates_come_from_the_attitude():
 
 @pytest.mark.skipif(not (SHARED / "auv_iver2_2022").is_dir(), reason="the public logs are not here")
 def test_public_runs_are_known_better_than_by_a_constant_speed():
-    vehicles = gather(SHARED)
+    vehicles, _ = gather(SHARED)
     some = {name: runs for name, runs in vehicles.items() if name in ("Iver2", "Sailfish")}
     assert [len(runs) for runs in some.values()] == [14, 3]
     jobs = [job for job in propelled.folds(some, None, 0, None) if job.own]
