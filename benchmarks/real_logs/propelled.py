@@ -22,9 +22,9 @@ from benchmarks.real_logs.propelled_speeds import (
     LINE,
     METHODS,
     known,
-    quiet_of,
-    still_of,
-    told,
+    learned_quiet,
+    limit_surge,
+    standing_samples,
 )
 from benchmarks.real_logs.row import (
     Method,
@@ -49,8 +49,9 @@ FEW = 4
 """Fewest runs for a bootstrap over runs; fewest moving samples for a default"""
 EQUAL = 0.02
 """[1] Pull of the combination's weights towards equal ones, as a fraction of the variance"""
-PLAIN = "constant speed, standing not told"
+PLAIN = "constant speed, never standing"
 COMBINED, DEFAULT, FIRST = "combination", "default", "mean of the first half"
+STANDING_FIGURES = ("standing, found", "moving, taken for standing")
 FLOORS = ("own mean, in hindsight", "line in all inputs, in hindsight")
 Found = dict[str, Array]
 """Surge and sway [m/s] of a run, (2, time), by method"""
@@ -124,7 +125,7 @@ def velocities(train: Sequence[Run], runs: Sequence[Run]) -> list[Found]:
     yaw, sway = known(train, lambda run: np.stack([run.signals["r"], run.sway], axis=1)).T
     good = np.isfinite(sway)
     slope, mean = float(yaw[good] @ sway[good] / (yaw[good] @ yaw[good])), float(sway[good].mean())
-    quiet = quiet_of(train)
+    quiet = learned_quiet(train)
     for name, (fit, needs) in METHODS.items():
         able = [run for run in train if needs <= set(run.signals) and run.moving.any()]
         predict = fit(able) if able else None
@@ -134,8 +135,8 @@ def velocities(train: Sequence[Run], runs: Sequence[Run]) -> list[Found]:
             surge = predict(run)
             if name == CONSTANT:
                 one[PLAIN] = np.stack([surge, np.full(surge.size, mean)])
-            side = np.where(still_of(run, quiet), 0.0, slope * run.signals["r"])
-            one[name] = np.stack([told(run, surge, quiet, name), side])
+            side = np.where(standing_samples(run, quiet), 0.0, slope * run.signals["r"])
+            one[name] = np.stack([limit_surge(run, surge, quiet, name), side])
     return found
 
 
@@ -255,14 +256,19 @@ def path_rows(vehicle: str, runs: Sequence[Run], found: Sequence[Found]) -> list
 
 
 def standing_rows(vehicle: str, runs: Sequence[Run]) -> list[Row]:
-    """Rows of standing samples that are told, and of moving ones that are taken for them."""
+    """Rows of standing samples that are found, and of moving ones that are taken for them."""
     rows = []
-    for name in ("told of standing", "told of moving"):
+    for name in STANDING_FIGURES:
         hit = size = 0
         for k, one in enumerate(runs):
-            quiet = quiet_of([*runs[:k], *runs[k + 1 :]]) if len(runs) > 1 else 0.0
-            asked = one.moving if name.endswith("moving") else np.isfinite(one.surge) & ~one.moving
-            hit, size = hit + int((still_of(one, quiet) & asked).sum()), size + int(asked.sum())
+            quiet = learned_quiet([*runs[:k], *runs[k + 1 :]]) if len(runs) > 1 else 0.0
+            asked = (
+                one.moving if name.startswith("moving") else np.isfinite(one.surge) & ~one.moving
+            )
+            hit, size = (
+                hit + int((standing_samples(one, quiet) & asked).sum()),
+                size + int(asked.sum()),
+            )
         if size:
             rows.append(Row(
                 task=STANDING, data=vehicle, method=name, kind="floor", value=100.0 * hit / size,

@@ -119,13 +119,13 @@ METHODS: dict[str, tuple[Callable[[Sequence[Run]], Predict], set[str]]] = {
 """Methods by name, with the signals that they need"""
 
 
-def quiet_of(train: Sequence[Run]) -> float:
+def learned_quiet(train: Sequence[Run]) -> float:
     """Yaw noise [rad/s] that divides standing from moving in the training runs."""
     noises = [yaw_noise(run.signals["r"], run.period) for run in train]
     return quiet_rate(np.concatenate(noises), np.concatenate([run.surge for run in train]))
 
 
-def still_of(run: Run, quiet: float) -> Mask:
+def standing_samples(run: Run, quiet: float) -> Mask:
     """Samples at which the run stands by its depth, propeller, or without both by yaw noise."""
     depth, propeller = run.signals.get("depth"), run.signals.get("propeller")
     return standing(
@@ -134,11 +134,11 @@ def still_of(run: Run, quiet: float) -> Mask:
     )  # fmt: skip
 
 
-def told(run: Run, surge: Array, quiet: float, method: str) -> Array:
+def limit_surge(run: Run, surge: Array, quiet: float, method: str) -> Array:
     """Surge below the largest one that the depth rate leaves, 0 where the vehicle stands."""
     if method == THRUST:
         return surge  # it coasts by itself
     if "depth" in run.signals and "propeller" not in run.signals:
         largest = largest_surge(run.signals["depth"], run.signals["pitch"], run.period)
         surge = np.minimum(surge, largest)
-    return np.where(still_of(run, quiet), 0.0, np.clip(surge, 0.0, SPEEDS[-1]))
+    return np.where(standing_samples(run, quiet), 0.0, np.clip(surge, 0.0, SPEEDS[-1]))

@@ -57,8 +57,8 @@ def test_every_method_is_scored_and_the_balance_of_thrust_knows_an_unseen_run():
     assert surge["combination"].value < 0.5 * surge["constant speed"].value
     assert surge["balance of thrust"].low < surge["balance of thrust"].value
     standing = {r.method: r.value for r in rows if r.task == propelled.STANDING}
-    assert standing["told of standing"] > 60.0
-    assert standing["told of moving"] < 2.0
+    assert standing["standing, found"] > 60.0
+    assert standing["moving, taken for standing"] < 2.0
     path = {r.method: r.value for r in rows if r.task == propelled.PATH and r.data == "made-up"}
     assert path["constant speed"] < path[propelled.PLAIN]
     ratio = {r.method: r for r in rows if r.task == propelled.RATIO and r.data == "made-up"}
@@ -168,6 +168,6 @@ def test_public_runs_are_known_better_than_by_a_constant_speed():
     assert surge["Iver2", "constant speed"].value > 0.4
     assert surge["Sailfish", "noise of the rates"].value < 0.6
     assert surge["Sailfish", "constant speed"].value > 0.7
-    told = {(r.data, r.method): r.value for r in rows if r.task == propelled.STANDING}
-    assert told["Iver2", "told of standing"] > 80.0
-    assert told["Sailfish", "told of standing"] > 75.0
+    found = {(r.data, r.method): r.value for r in rows if r.task == propelled.STANDING}
+    assert found["Iver2", "standing, found"] > 80.0
+    assert found["Sailfish", "standing, found"] > 75.0

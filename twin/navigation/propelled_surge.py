@@ -1,8 +1,7 @@
 """Surge of a propelled vehicle without a Doppler log, by models that runs with one have taught.
 
-`ThrustBalance` needs the propeller's speed: thrust, drag and inertia. `LiftBalance` needs depth and
-pitch: the slower a buoyant hull, the more it is trimmed. Both know no vehicle file; `twin identify`
-needs minutes under water with all controls, which short runs lack.
+`ThrustBalance` needs the propeller's speed, `LiftBalance` depth and pitch. Neither needs a vehicle
+file; `twin identify` needs minutes under water with all controls, which short runs lack.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ LEAST_SAMPLES = 30
 
 
 class LiftBalance(NamedTuple):
-    """Balance of lift and net buoyancy of a vehicle under water.
+    """Balance of lift and net buoyancy under water: the slower a hull, the more it is trimmed.
 
     With depth rate w, surge u and s = -sin(pitch), the angle of attack is w / u - s to first order.
     The balance is w / u - s = a + b / u^2. The surge is the mean of its distribution, with a normal
@@ -150,9 +149,9 @@ class ThrustBalance:
 
 PRIOR, OUTLIER, LOOKS = 0.3, 0.15, 25
 """[m/s] Weight of the priors, residual beyond which samples count as outliers; most evaluations"""
-DRAWS_AIR = 0.25
-"""[m] Depth at which half of the effect of the surface is left: a propeller's diameter and more"""
-SUBSTEPS = 4
+DRAWS_AIR, SUBSTEPS = 0.25, 4
+"""[m] Depth at which half of the surface's effect is left, a propeller's diameter and more; steps
+of the integration in a sample"""
 
 
 @jit

@@ -5,10 +5,10 @@ attack, which the hull's lift keeps small. The depth rate w therefore limits the
 
     w = u (s + a c),   s = -sin(pitch),  c = cos(pitch),  |a| <= tan(largest angle of attack),
 
-from above where the nose points up or down by more than that angle, and from below where the depth
-changes. A vehicle that lies on the bottom with its nose down, or that rises by its buoyancy with
-its nose down, is told so. A level vehicle's depth rate limits nothing; there, a propeller that has
-been off for longer than the vehicle coasts tells the standstill.
+where the nose points up or down by more than that angle: a vehicle that lies on the bottom, or that
+rises by its buoyancy, with its nose down stands. A level vehicle's depth rate limits nothing; there
+a propeller shows it that has been off for longer than the vehicle coasts. While it turns, a vehicle
+is under way: at the surface, a nose that is held down does not take it down.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from twin.navigation.dead_reckoning import Array, Mask, depth_rate, smooth
 
 LARGEST_ATTACK = math.radians(12.0)
 """[rad] Largest angle of attack under way: fins stall at about 15 degrees, and a trimmed hull stays
-below. Between 6 and 15 degrees, 79 to 82 % of a real vehicle's rest on the bottom is told."""
+below. Between 6 and 15 degrees, 79 to 82 % of a real vehicle's rest on the bottom is found."""
 DEPTH_NOISE = 0.02
 """[m/s] Error of the averaged depth rate: steps of 0.1 m of a depth over `WINDOW`"""
 WINDOW = 20.0
@@ -30,15 +30,15 @@ WINDOW = 20.0
 STILL = 0.3
 """[m/s] Surge below which a vehicle counts as standing: currents of coastal water are as fast"""
 COAST = 20.0
-"""[s] Time in which a vehicle loses its way: with quadratic drag, ten lengths take it from 1.5 m/s
-to less than `STILL`"""
+"""[s] Time in which a vehicle loses its way: a drag of 0.45 u^2 per metre takes 6 s from 1.5 m/s to
+`STILL`, that of a vehicle three times as long 18 s"""
 TURNING = 0.05
 """[1] Speed of a propeller, as a fraction of its largest in the log, below which it is off: motor
 controllers report a few revolutions at rest"""
 NOISE_WINDOW = 30.0
 """[s] Averaging time of the yaw rate's square"""
 LEAST_GAIN = 0.5
-"""[1] Least difference of the told fractions of standing and moving samples for a division by yaw
+"""[1] Least difference of the fractions of standing and moving samples for a division by yaw
 noise; chance has 0"""
 
 

@@ -6,7 +6,7 @@ the last bottom lock, where it was the log's velocity minus the velocity through
 glider the flight model gives the latter; other vehicles use the log's water lock of the last few
 seconds. A Hampel filter removes outliers, and short losses of lock are interpolated. Long losses
 are filled by the flight model, or without one by the last measured velocity, and by 0 where depth
-rate and pitch tell that the vehicle stands (`twin.navigation.standstill`).
+rate and pitch show that the vehicle stands (`twin.navigation.standstill`).
 
 Training labels are cleaned like the paper's Tethys data: outliers are removed, and the rest is
 smoothed with a Gaussian. Both steps use later samples, so no network reads their result. The
@@ -147,7 +147,7 @@ class Dvl(WindowedEstimator):
         return BodyVelocity(surge=surge, sway=sway, heave=heave)
 
     def _standing(self, signals: Signals) -> Mask:
-        """Samples at which depth rate and pitch tell that the vehicle stands, (time,)."""
+        """Samples at which depth rate and pitch show that the vehicle stands, (time,)."""
         pitch = np.deg2rad(finite_channel(signals, "measured_pitch"))
         return standing(pitch, self.period, depth=finite_channel(signals, "measured_depth"))
 
