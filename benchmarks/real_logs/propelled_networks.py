@@ -29,14 +29,14 @@ from twin.records.store import open_store
 ELMAN = NetworkConfig(kind="elman", hidden=40, layers=3, delays=5)
 """The paper's network: three layers of 40 units, five past outputs of each layer"""
 SCG = TrainingConfig(
-    optimiser="scg", seconds=0.0, epochs=80, full_window=128, washin=16, validations=20
+    optimiser="scg", seconds=0.0, epochs=40, full_window=128, washin=16, validations=10
 )
-TUNED = dataclasses.replace(SCG, epochs=30)
+TUNED = dataclasses.replace(SCG, epochs=15)
 """Training on real runs after simulation"""
 BASE = ("pitch", "roll", "p", "q", "r")
 INPUTS = (BASE, (*BASE, "depth_rate"), (*BASE, "depth_rate", "propeller"))
 """Inputs of networks; a training takes the longest that all its runs have"""
-VEHICLES, HOURS = ("remus", "tethys"), 2.0
+VEHICLES, HOURS = ("remus", "tethys"), 1.0
 """Simulated vehicles, and hours of missions of both together"""
 NETWORKS = ("network, real only", "network, simulation only", "network, simulation then real")
 TARGETS = ("surge", "sway")
