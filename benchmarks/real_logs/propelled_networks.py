@@ -36,8 +36,10 @@ TUNED = dataclasses.replace(SCG, epochs=15)
 BASE = ("pitch", "roll", "p", "q", "r")
 INPUTS = (BASE, (*BASE, "depth_rate"), (*BASE, "depth_rate", "propeller"))
 """Inputs of networks; a training takes the longest that all its runs have"""
-VEHICLES, HOURS = ("remus", "tethys"), 1.0
+VEHICLES, HOURS = ("remus", "tethys"), 1.2
 """Simulated vehicles, and hours of missions of both together"""
+MISSIONS = {"mission.duration_h": "0.15", "mission.segment_duration_s": "uniform(60, 180)"}
+"""Missions as short as the logs"""
 NETWORKS = ("network, real only", "network, simulation only", "network, simulation then real")
 TARGETS = ("surge", "sway")
 Pretrained = Mapping[tuple[str, ...], Mapping[str, Predictor]]
@@ -52,7 +54,7 @@ def simulate(folder: Path, seed: int) -> list[Run]:
         if not store.exists():
             recipe = make_recipe(
                 preset="field", hours=HOURS / len(VEHICLES), seed=seed, vehicle=vehicle,
-                engine="lanes",
+                engine="lanes", changes=MISSIONS,
             )  # fmt: skip
             generate(recipe, store, workers=1, overwrite=True, history="benchmarks.real_logs")
         with open_store(store) as dataset:
