@@ -124,7 +124,9 @@ def velocities(train: Sequence[Run], runs: Sequence[Run]) -> list[Found]:
     found: list[Found] = [{} for _ in runs]
     yaw, sway = known(train, lambda run: np.stack([run.signals["r"], run.sway], axis=1)).T
     good = np.isfinite(sway)
-    slope, mean = float(yaw[good] @ sway[good] / (yaw[good] @ yaw[good])), float(sway[good].mean())
+    turned = float(yaw[good] @ yaw[good])
+    slope = float(yaw[good] @ sway[good]) / turned if turned > 0.0 else 0.0
+    mean = float(sway[good].mean())
     quiet = learned_quiet(train)
     for name, (fit, needs) in METHODS.items():
         able = [run for run in train if needs <= set(run.signals) and run.moving.any()]

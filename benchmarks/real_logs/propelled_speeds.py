@@ -41,7 +41,8 @@ def constant(train: Sequence[Run]) -> Predict:
 def line(train: Sequence[Run]) -> Predict:
     """Line in the propeller's speed, fitted to moving samples."""
     speed = known(train, lambda run: run.signals["propeller"])
-    slope, start = np.polyfit(speed, known(train, lambda run: run.surge), 1)
+    matrix = np.stack([speed, np.ones_like(speed)], axis=1)
+    slope, start = np.linalg.lstsq(matrix, known(train, lambda run: run.surge), rcond=None)[0]
     return lambda run: slope * run.signals["propeller"] + start
 
 
