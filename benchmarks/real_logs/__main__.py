@@ -68,8 +68,9 @@ def main(
     command.say(answer, *lines, json=json, digits=3)
     if keep is not None:
         measured = {task for name in only for task in run.SECTIONS[name]}
+        measured |= {row.task for row in rows}  # skipped folders, where they were read
         others = kept(keep) if only != tuple(run.SECTIONS) and keep.exists() else []
-        stay = [row for row in others if row.task not in {*measured, "skipped"}]
+        stay = [row for row in others if row.task not in measured]
         write(sorted([*rows, *stay], key=lambda row: run.TASKS.index(row.task)), keep)
 
 
