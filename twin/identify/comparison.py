@@ -184,6 +184,17 @@ class Comparison(abc.ABC):
         columns = [(one - base) / self.step for one in moved]
         return np.stack(columns, axis=1) if columns else np.zeros((len(base), 0))
 
+    def considered(self, x: Array, held: Sequence[UnknownParameter]) -> tuple[Array, Array]:
+        """Covariance of a fit that ended at `x`, as `consider` has it; each of `held` has its
+        `UnknownParameter.held` standard deviation."""
+        wider, count = self, len(self.parameters)
+        for parameter in held:
+            wider = wider.with_parameter(parameter)
+        slopes = wider.slopes(np.insert(x, [count] * len(held), 0.0))
+        others = slice(count, count + len(held))
+        off = np.array([p.held / p.spread for p in held])
+        return consider(np.delete(slopes, others, axis=1), slopes[:, others], off)
+
     def jacobian(self, x: Array) -> Array:
         """Slopes of `residual`, (residuals and offsets, unknowns)."""
         return np.concatenate([self.slopes(x), np.eye(len(x))])
@@ -275,6 +286,22 @@ class Comparison(abc.ABC):
             covariance=bootstrap(self.jacobian(x), self.residual(x), self.blocks),
             deviation={n: rms(np.concatenate(s)) for n, s in self.missed(x).items() if s},
         )
+
+
+def consider(own: Array, others: Array, off: Array) -> tuple[Array, Array]:
+    """Covariance of fitted offsets by noise, and the one that errors of held parameters add to it.
+
+    A held parameter moves the fit by its own slopes (consider covariance; Tapley et al. 2004,
+    Statistical Orbit Determination, 6.2).
+
+    Args:
+      own, others: slopes of the weighted residuals, per spread, by the fitted and by the held
+        parameters, (residuals, fitted) and (residuals, held).
+      off: standard deviations of the held parameters, in spreads, (held,).
+    """
+    inverse = np.linalg.inv(own.T @ own + np.eye(own.shape[1]))
+    moved = inverse @ (own.T @ others) * off
+    return inverse, np.asarray(moved @ moved.T, np.float64)
 
 
 class Fitted(NamedTuple):

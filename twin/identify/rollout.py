@@ -18,12 +18,12 @@ import numpy as np
 from twin.errors import InputError, SimulationUnstable
 from twin.identify.answer import Identification, IdentifiedParameter
 from twin.identify.calibration import Array, Calibration
-from twin.identify.comparison import correlation_samples, rms, robust_scale
+from twin.identify.comparison import consider, correlation_samples, rms, robust_scale
 from twin.identify.logged_missions import Log, gliding, layers
 from twin.identify.pitch import PITCHING, balanced
 from twin.identify.speed import density_of, motion_of
 from twin.identify.turning_windows import channel_of
-from twin.identify.unknowns import UnknownParameter, choose
+from twin.identify.unknowns import PARAMETERS, UnknownParameter, choose
 from twin.mission.controller import Schedule
 from twin.physics.fleet import Fleet
 from twin.physics.scenario import Scenario
@@ -81,29 +81,30 @@ class Refinement:
 
 
 class _Window(NamedTuple):
-    """Window of a log with its water."""
+    """Window of a log."""
 
     log: Log
     part: slice
-    density: DensityProfile
 
 
 def refine(
     logs: Sequence[Log],
     flight: Identification,
     *,
+    known: Sequence[str] = (),
     progress: Callable[[float], None] = lambda part: None,
 ) -> Refinement:
     """Fit the twin to windows of the logs, from the answer of `identify`.
 
     Args:
+      known: names whose nominal value is known, as for `identify`.
       progress: called with the fraction done, 0 to 1.
 
     Raises:
       InputError: no window with battery positions, or the twin does not fly them.
     """
     logs, _ = gliding(logs)
-    windows = _windows(logs, flight.calibration)
+    windows = _windows(logs)
     names = [name for name in flight.determined if name in REFINED]
     parameters = (*choose(names), *PITCHING)
     centres = np.array([p.get(flight.nominal) for p in parameters])
@@ -136,9 +137,15 @@ def refine(
             for one, p in zip(missed(tried), tried, strict=True)
         ]
         x = tried[int(np.argmin(costs))]
-    progress(1.0)
     final = calibrated(x)
-    ((rates, pitches),) = missed([x])
+    held, off = _held(flight, parameters, known)
+    ((rates, pitches), *moved_by) = _missed(
+        windows, [final, *(p.at(final, p.get(final), STEP) for p in held)]
+    )
+    at_end = _weighted((rates, pitches), scales)
+    others = [(_weighted(one, scales) - at_end) / STEP for one in moved_by]
+    inverse, added = consider(jacobian, np.reshape(others, (len(held), -1)).T, off)
+    progress(1.0)
     pitch_rmse = rms(np.concatenate(pitches))
     if pitch_rmse > MOST_PITCH:
         raise InputError(
@@ -146,7 +153,7 @@ def refine(
             "with any place of battery, pump and centre of gravity near those of vehicle "
             f"{final.vehicle.name!r}; use --model flight, which takes the pitch from the log"
         )
-    covariance = np.asarray(np.linalg.inv(hessian), float)
+    covariance = inverse + added
     refined = [
         IdentifiedParameter.of(p, flight.nominal, final, float(off), True)
         for p, off in zip(parameters, np.sqrt(np.diag(covariance)), strict=True)
@@ -162,6 +169,23 @@ def refine(
     )
 
 
+def _held(
+    flight: Identification, fitted: Sequence[UnknownParameter], known: Sequence[str]
+) -> tuple[list[UnknownParameter], Array]:
+    """Parameters that the twin's fit leaves as they are, and their standard deviations in spreads:
+    the flight model's where it estimated them, else the usual ones."""
+    held = [p for p in PARAMETERS if p not in fitted and p.name not in known]
+    held = [p for p in held if not p.name.startswith("heading")]  # no effect on depth and pitch
+    sure = {e.name: e for e in flight.estimates if e.determined}
+    off = [
+        sure[p.name].deviation / p.deviation(sure[p.name].value, 1.0)
+        if p.name in sure
+        else p.held / p.spread
+        for p in held
+    ]
+    return held, np.array(off)
+
+
 def _offset(parameter: UnknownParameter, centre: float, calibration: Calibration) -> float:
     value = parameter.get(calibration)
     if parameter.logarithmic:
@@ -169,11 +193,11 @@ def _offset(parameter: UnknownParameter, centre: float, calibration: Calibration
     return (value - centre) / parameter.spread
 
 
-def _windows(logs: Sequence[Log], calibration: Calibration) -> list[_Window]:
+def _windows(logs: Sequence[Log]) -> list[_Window]:
     """Windows of the logs under water with battery positions, spread over all logs."""
     found: list[_Window] = []
     for seconds in WINDOWS_S:
-        found = [w for log in logs for w in _windows_of(log, calibration, seconds)]
+        found = [w for log in logs for w in _windows_of(log, seconds)]
         if len(found) >= ENOUGH_WINDOWS:
             break
     if not found:
@@ -185,7 +209,7 @@ def _windows(logs: Sequence[Log], calibration: Calibration) -> list[_Window]:
     return [found[k] for k in chosen]
 
 
-def _windows_of(log: Log, calibration: Calibration, seconds: float) -> list[_Window]:
+def _windows_of(log: Log, seconds: float) -> list[_Window]:
     if log.shift is None:
         return []
     length, found = round(seconds / log.period), []
@@ -193,12 +217,17 @@ def _windows_of(log: Log, calibration: Calibration, seconds: float) -> list[_Win
         part = slice(first, first + length + 1)
         deep = log.depth[first] > LEAST_DEPTH and log.depth[part].min() > 0.5 * LEAST_DEPTH
         if deep and log.use[part].all():
-            # the hull's thermal expansion goes into the density: the twin's physics has none
-            warming = log.hull_warming(calibration.thermal_lag)
-            density = density_of(log, calibration) * (1.0 + calibration.thermal_expansion * warming)
-            depths, values = layers(log.depth[part], density[part], DENSITY_STEP)
-            found.append(_Window(log, part, DensityProfile(depth=depths, values=values)))
+            found.append(_Window(log, part))
     return found
+
+
+def _water(window: _Window, calibration: Calibration) -> DensityProfile:
+    """Density of a window's water, with the hull's thermal expansion, which the twin here lacks."""
+    log, part = window
+    warming = log.hull_warming(calibration.thermal_lag)
+    density = density_of(log, calibration) * (1.0 + calibration.thermal_expansion * warming)
+    depths, values = layers(log.depth[part], density[part], DENSITY_STEP)
+    return DensityProfile(depth=depths, values=values)
 
 
 def _missed(
@@ -262,7 +291,7 @@ def _scenario(window: _Window, calibration: Calibration) -> Scenario:
         mission=Schedule(times=times, commands=commands),
         duration=log.period * (len(commands) - 1),
         sample_period=log.period,
-        density=window.density,
+        density=_water(window, calibration),
         start=Start(
             depth=float(log.depth[first]),
             roll=float(log.roll[first]),
