@@ -65,7 +65,11 @@ ENDS: dict[str, Any] = {"max_nfev": 8, "xtol": 1e-3, "ftol": 1e-4}
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Beliefs:
-    """State estimate of the parameters after each dive; the first axis of arrays is the dive."""
+    """State estimate of the parameters after each dive; the first axis of arrays is the dive.
+
+    Deviations are for changes: the calibration's other numbers count as exact. An error of these
+    moves all dives alike, and is in the deviations of `twin.identify.identify`.
+    """
 
     parameters: tuple[UnknownParameter, ...]
     nominal: tuple[float, ...]
