@@ -179,8 +179,7 @@ class Identify(JsonOption):
         if found.stalled:
             console.warn(
                 f"missions {', '.join(map(str, found.stalled))} sink or rise far slower than the "
-                "vehicle that fits all, as stalled wings do: the other missions may be stalled "
-                "too, and trim and drag then are wrong; try them without these (--missions)"
+                "fit, as stalled wings do: where the others do too, trim and drag are wrong"
             )
         for text in identify.confused(found):
             console.warn(text)

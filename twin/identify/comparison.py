@@ -126,11 +126,11 @@ class Comparison(abc.ABC):
         """Number of unknowns."""
         return len(self.parameters) + len(self.biases)
 
-    def with_parameter(self, parameter: UnknownParameter) -> Self:
-        """Return a copy with one more parameter at the end and the present weights."""
+    def with_parameters(self, *more: UnknownParameter) -> Self:
+        """Return a copy with more parameters at the end and the present weights."""
         wider = copy.copy(self)
-        wider.parameters = (*self.parameters, parameter)
-        wider.centres = np.append(self.centres, parameter.get(self.nominal))
+        wider.parameters = (*self.parameters, *more)
+        wider.centres = np.append(self.centres, [p.get(self.nominal) for p in more])
         wider._steps = []
         return wider
 
@@ -185,15 +185,11 @@ class Comparison(abc.ABC):
         return np.stack(columns, axis=1) if columns else np.zeros((len(base), 0))
 
     def considered(self, x: Array, held: Sequence[UnknownParameter]) -> tuple[Array, Array]:
-        """Covariance of a fit that ended at `x`, as `consider` has it; each of `held` has its
-        `UnknownParameter.held` standard deviation."""
-        wider, count = self, len(self.parameters)
-        for parameter in held:
-            wider = wider.with_parameter(parameter)
-        slopes = wider.slopes(np.insert(x, [count] * len(held), 0.0))
-        others = slice(count, count + len(held))
-        off = np.array([p.held / p.spread for p in held])
-        return consider(np.delete(slopes, others, axis=1), slopes[:, others], off)
+        """`consider` for a fit that ended at `x`; each of `held` has its usual error."""
+        first, last = len(self.parameters), len(self.parameters) + len(held)
+        slopes = self.with_parameters(*held).slopes(np.insert(x, [first] * len(held), 0.0))
+        own, others = np.delete(slopes, slice(first, last), axis=1), slopes[:, first:last]
+        return consider(own, others, np.array([p.held / p.spread for p in held]))
 
     def jacobian(self, x: Array) -> Array:
         """Slopes of `residual`, (residuals and offsets, unknowns)."""
@@ -289,19 +285,14 @@ class Comparison(abc.ABC):
 
 
 def consider(own: Array, others: Array, off: Array) -> tuple[Array, Array]:
-    """Covariance of fitted offsets by noise, and the one that errors of held parameters add to it.
+    """Covariance of a fit by noise, and that which errors of held parameters add to it, in spreads.
 
-    A held parameter moves the fit by its own slopes (consider covariance; Tapley et al. 2004,
-    Statistical Orbit Determination, 6.2).
-
-    Args:
-      own, others: slopes of the weighted residuals, per spread, by the fitted and by the held
-        parameters, (residuals, fitted) and (residuals, held).
-      off: standard deviations of the held parameters, in spreads, (held,).
+    A held parameter with standard deviation `off` moves the fit by its slopes `others` (consider
+    covariance; Tapley et al. 2004, Statistical Orbit Determination, 6.2).
     """
     inverse = np.linalg.inv(own.T @ own + np.eye(own.shape[1]))
     moved = inverse @ (own.T @ others) * off
-    return inverse, np.asarray(moved @ moved.T, np.float64)
+    return inverse, moved @ moved.T
 
 
 class Fitted(NamedTuple):
@@ -417,7 +408,7 @@ def gain_of(comparison: Comparison, x: Array, candidate: UnknownParameter) -> Ga
       x: offsets from nominal of its fit.
       candidate: the further parameter, not among those of the comparison.
     """
-    wider = comparison.with_parameter(candidate)
+    wider = comparison.with_parameters(candidate)
     at = np.append(x, 0.0)
     jacobian, residual = wider.jacobian(at), wider.residual(at)
     without = left_out(jacobian[:-1, :-1], residual[:-1], wider.blocks[:-1])

@@ -160,27 +160,23 @@ def free_of(
 
 
 def _covariance(problem: DepthRates, x: Array, known: Sequence[str]) -> Array:
-    """Covariance of the offsets, in spreads, which includes errors of the parameters at nominal:
-    of those that are neither fitted nor `known`."""
+    """Covariance of the offsets, in spreads, with errors of what is neither fitted nor known."""
     held = [p for p in PARAMETERS if p not in problem.parameters and p.name not in known]
-    inverse, added = problem.considered(
-        x, [p for p in held if problem.pairs or not p.name.startswith("heading")]
-    )
-    return inverse + added
+    held = [p for p in held if problem.pairs or not p.name.startswith("heading")]
+    return np.asarray(sum(problem.considered(x, held)))
 
 
 def _stalled(problem: DepthRates, x: Array) -> tuple[int, ...]:
     """Rows of the dives that sink or rise far slower than the model, as stalled wings do."""
-    found = []
-    missed = problem.missed(x)["depth_rate"]
-    for log, mask, residual in zip(problem.logs, problem.masks, missed, strict=True):
+    found = set()
+    series = zip(problem.logs, problem.masks, problem.missed(x)["depth_rate"], strict=True)
+    for log, mask, missed in series:
         rate = log.depth_rate[mask]
         for side in (rate > FALLING, rate < -FALLING):
             if side.sum() * log.period > STALL:
-                model = np.median((rate + residual)[side])
-                if np.median(rate[side]) / model < STALLED:
-                    found.append(log.index)
-    return tuple(dict.fromkeys(found))
+                model = np.median((rate + missed)[side])
+                found |= {log.index} if np.median(rate[side]) / model < STALLED else set()
+    return tuple(sorted(found))
 
 
 def _check_residual(problem: DepthRates, x: Array, found: Identification) -> None:

@@ -138,13 +138,18 @@ def refine(
         ]
         x = tried[int(np.argmin(costs))]
     final = calibrated(x)
-    held, off = _held(flight, parameters, known)
-    ((rates, pitches), *moved_by) = _missed(
-        windows, [final, *(p.at(final, p.get(final), STEP) for p in held)]
+    held = [p for p in PARAMETERS if p not in parameters and p.name not in known]
+    values = [p.get(final) for p in held]
+    ((rates, pitches), *changed) = _missed(
+        windows, [final, *(p.at(final, v, STEP) for p, v in zip(held, values, strict=True))]
     )
-    at_end = _weighted((rates, pitches), scales)
-    others = [(_weighted(one, scales) - at_end) / STEP for one in moved_by]
-    inverse, added = consider(jacobian, np.reshape(others, (len(held), -1)).T, off)
+    base = _weighted((rates, pitches), scales)
+    others = [(_weighted(one, scales) - base) / STEP for one in changed]
+    sure = {e.name: e.deviation for e in flight.estimates if e.determined}
+    usual = [p.deviation(v, p.held / p.spread) for p, v in zip(held, values, strict=True)]
+    off = [sure.get(p.name, u) * p.held / p.spread / u for p, u in zip(held, usual, strict=True)]
+    slopes = np.reshape(others, (len(held), -1)).T
+    covariance = np.asarray(sum(consider(jacobian, slopes, np.array(off))))
     progress(1.0)
     pitch_rmse = rms(np.concatenate(pitches))
     if pitch_rmse > MOST_PITCH:
@@ -153,7 +158,6 @@ def refine(
             "with any place of battery, pump and centre of gravity near those of vehicle "
             f"{final.vehicle.name!r}; use --model flight, which takes the pitch from the log"
         )
-    covariance = inverse + added
     refined = [
         IdentifiedParameter.of(p, flight.nominal, final, float(off), True)
         for p, off in zip(parameters, np.sqrt(np.diag(covariance)), strict=True)
@@ -167,23 +171,6 @@ def refine(
         pitch_rmse=pitch_rmse,
         windows=len(windows),
     )
-
-
-def _held(
-    flight: Identification, fitted: Sequence[UnknownParameter], known: Sequence[str]
-) -> tuple[list[UnknownParameter], Array]:
-    """Parameters that the twin's fit leaves as they are, and their standard deviations in spreads:
-    the flight model's where it estimated them, else the usual ones."""
-    held = [p for p in PARAMETERS if p not in fitted and p.name not in known]
-    held = [p for p in held if not p.name.startswith("heading")]  # no effect on depth and pitch
-    sure = {e.name: e for e in flight.estimates if e.determined}
-    off = [
-        sure[p.name].deviation / p.deviation(sure[p.name].value, 1.0)
-        if p.name in sure
-        else p.held / p.spread
-        for p in held
-    ]
-    return held, np.array(off)
 
 
 def _offset(parameter: UnknownParameter, centre: float, calibration: Calibration) -> float:

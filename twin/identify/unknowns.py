@@ -142,9 +142,8 @@ def _cycle(index: int, text: str) -> UnknownParameter:
 
 
 _COMPASS, _SOFT_IRON = 2.0, 1.0
-"""[deg] Standard deviations of the compass's offset and of each component of its hard iron, and of
-each component of its soft iron. Together they are the 3 deg of a glider's compass after its
-calibration; 10 deg has been seen."""
+"""[deg] Standard deviations of a compass's offset and each part of its hard iron, and of each of
+its soft iron: 3 deg in all after a calibration; 10 deg has been seen."""
 
 # fmt: off
 PARAMETERS: tuple[UnknownParameter, ...] = (

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from twin.errors import SimulationUnstable
 from twin.mission import Mission, Waypoint
@@ -244,25 +245,19 @@ def _contact_remark(run: Trajectory) -> str:
 
 def _stall_remark(scenario: Scenario, run: Trajectory) -> str:
     """Remark that a glider fell with stalled wings instead of gliding; empty if never."""
-    law = scenario.vehicle.law
+    law, (surge, _, heave) = scenario.vehicle.law, run.v_rel.T
     if not is_flow_frame(law):
         return ""
-    surge, _, heave = run.v_rel.T
     attack = np.abs(np.arctan2(heave, surge))
     stalled = (attack > law.blend_angle) & (run["true_depth"] > UNDER_WATER_M)
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], stalled, [False]])))
-    long = [
-        slice(*pair) for pair in ends.reshape(-1, 2) if np.ptp(run.time[pair - [0, 1]]) > LONG_STALL
-    ]
-    if not long:
+    width = round(LONG_STALL / scenario.sample_period) | 1
+    stalled = maximum_filter1d(minimum_filter1d(stalled, width), width)  # the long ones
+    if not stalled.any():
         return ""
-    hours = sum(float(np.ptp(run.time[part])) for part in long) / 3600.0
-    angle = math.degrees(float(np.median(np.concatenate([attack[part] for part in long]))))
     return (
-        f"the vehicle fell with stalled wings for {hours:.1f} h, first at "
-        f"{run.time[long[0].start]:.0f} s: its angle of attack was {angle:.0f} deg, and its law is "
-        f"that of a glide to {math.degrees(law.linear_angle):.0f} deg; a steeper pitch or a larger "
-        "net mass glides"
+        f"the vehicle fell with stalled wings, an angle of attack of "
+        f"{np.degrees(np.median(attack[stalled])):.0f} deg, for {stalled.mean():.0%} of the run, "
+        f"first at {run.time[stalled][0]:.0f} s: a steeper pitch or a larger net mass glides"
     )
 
 

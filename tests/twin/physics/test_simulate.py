@@ -339,7 +339,7 @@ def test_a_fall_with_stalled_wings_is_told(seconds, said):
     texts = [text for text in remarks(scenario, run) if "stalled wings" in text]
     assert bool(texts) == said
     if said:
-        assert "for 0.2 h, first at 100 s: its angle of attack was 40 deg" in texts[0]
+        assert "an angle of attack of 40 deg, for 75% of the run, first at 100 s" in texts[0]
 
 
 def test_a_dive_beyond_the_largest_depth_is_aborted():

@@ -67,9 +67,7 @@ ENDS: dict[str, Any] = {"max_nfev": 8, "xtol": 1e-3, "ftol": 1e-4}
 class Beliefs:
     """State estimate of the parameters after each dive; the first axis of arrays is the dive.
 
-    Deviations are for changes: the calibration's other numbers count as exact. An error of these
-    moves all dives alike, and is in the deviations of `twin.identify.identify`.
-    """
+    Deviations are for changes: errors of the calibration's other numbers move all dives alike."""
 
     parameters: tuple[UnknownParameter, ...]
     nominal: tuple[float, ...]
