@@ -11,7 +11,7 @@ starts from the shipped file, with default options, once with fixes and once wit
 each reported number is z, its error over its stated standard deviation: the root mean square, the
 mean, and the count beyond 2.58. Standard deviations that hold have an RMS of 1, a mean of 0, and
 1 % beyond. `--parameters` asks for numbers that few logs report by default, such as the
-compressibility. Deployments with dives that identification names as stalled are counted alone.
+compressibility. Deployments of gliders that fell with stalled wings are counted alone.
 
 Each deployment is a line of JSON in --rows, and is not judged again. A sample of 15 minutes has
 `--count 12`.
@@ -36,8 +36,10 @@ from glider_twin_ops.presets.deployment import DeploymentDraw, DeploymentPlan, f
 from glider_twin_ops.presets.deployments import dataset_of_logs, log_of
 from twin import Mission, Scenario, SensorSuite, load_vehicle
 from twin.errors import TwinError
-from twin.identify import NAMES, choose, identify, load_calibration, load_logs
+from twin.identify import NAMES, choose, identify, load_calibration, load_logs, motion_of
 from twin.identify.calibration import REFERENCE_TEMPERATURE, Calibration
+from twin.identify.logged_missions import Log
+from twin.identify.speed import steady_parts
 from twin.identify.unknowns import PARAMETERS
 from twin.records.presence import is_store
 from twin.records.store import write_store
@@ -64,6 +66,9 @@ PITCH, SCALE = 1.0, 0.01
 """[deg], [1] Standard deviations of the pitch sensor's offset and scale"""
 COMPASS = Compass(offset_deg=2.0, hard_iron_deg=1.5, soft_iron_deg=0.5)
 """A compass of 3 deg in all, between calibrated and not"""
+FELL = 0.25
+"""Fraction of steady flight with stalled wings beyond which a deployment is left out: at a pitch
+that is too flat for its polar a glider falls, and its pilot would steepen it"""
 BEYOND = 2.58
 """Standard deviations beyond which a normal number lies in 1 % of the cases"""
 
@@ -182,6 +187,17 @@ def flown(name: str, seed: int, numbers: Sequence[int], folder: Path) -> dict[in
     return stores
 
 
+def fell(name: str, logs: Sequence[Log], truth: Mapping[str, float]) -> bool:
+    """True where the wings of the true vehicle were stalled for a quarter of its steady flight."""
+    true = load_calibration(name)
+    for parameter in choose(list(truth)):
+        true = parameter.set(true, truth[parameter.name])
+    attacks = [
+        np.abs(motion_of(log, true).angle_of_attack[log.use & steady_parts(log)]) for log in logs
+    ]
+    return bool(np.mean(np.concatenate(attacks) > true.vehicle.flow_frame.blend_angle) > FELL)
+
+
 def judged(name: str, store: Path, *, fixes: bool, parameters: Sequence[str]) -> Row:
     """Error, standard deviation and z of each reported number, and the stalled dives."""
     truth = json.loads(store.with_suffix(".json").read_text())
@@ -196,7 +212,11 @@ def judged(name: str, store: Path, *, fixes: bool, parameters: Sequence[str]) ->
         for e in found.estimates
         if e.determined and e.name in truth
     }
-    return {"numbers": numbers, "stalled": list(found.stalled)}
+    return {
+        "numbers": numbers,
+        "stalled": list(found.stalled),
+        "fell": fell(name, logs, truth),
+    }
 
 
 def rows_of(
@@ -234,7 +254,7 @@ def table(rows: Sequence[Row]) -> list[dict[str, Any]]:
     out = []
     for fixes in (True, False):
         own = [row for row in rows if row["fixes"] == fixes]
-        some = [row["numbers"] for row in own if not row["stalled"]]
+        some = [row["numbers"] for row in own if not row["fell"]]
         for name in NAMES:
             z = np.array([one[name]["z"] for one in some if name in one])
             if len(z):
@@ -243,7 +263,7 @@ def table(rows: Sequence[Row]) -> list[dict[str, Any]]:
                     "parameter": name,
                     "reported": len(z),
                     "of": len(some),
-                    "stalled": len(own) - len(some),
+                    "fell": len(own) - len(some),
                     "RMS of z": float(np.sqrt(np.mean(z**2))),
                     "mean of z": float(z.mean()),
                     "beyond 2.58": int((np.abs(z) > BEYOND).sum()),

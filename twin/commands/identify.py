@@ -161,9 +161,7 @@ class Identify(JsonOption):
                 progress=report.of("fit"),
             )
             if self.model == "twin":
-                refined = identify.refine(
-                    logs, found, known=tuple(given), progress=report.of("refine")
-                )
+                refined = identify.refine(logs, found, known=given, progress=report.of("refine"))
                 found = refined.identification
             if not self.no_handling:
                 proof = self.out is not None
@@ -395,12 +393,9 @@ def _sentences(found: Identification, missions: int, refined: Refinement | None)
         )
     elif not runs:
         yield "No currents between fixes were compared, which would tell lift and compass."
-    includes = (
-        "hold if the model does"
-        if runs
-        else ("include the usual errors of the values that are kept")
-    )
-    yield f"Deviations {includes}; --correlations prints how the estimates depend on each other."
+    kept = "include the usual errors of the values that are kept"
+    holds = "hold if the model does" if runs else kept
+    yield f"Deviations {holds}; --correlations prints how the estimates depend on each other."
 
 
 def _say_unseen(console: Console, mine: DrivenErrors, before: DrivenErrors) -> None:

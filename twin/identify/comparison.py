@@ -45,7 +45,7 @@ LEAST_DIVES = 4
 """Fewest dives for a cross-validation"""
 LEAST_GAIN = 0.04
 """[1] Least decrease of the mean square error of left-out dives by a supported parameter. The pitch
-offsets of ten public logs take 0 to 2.4 %, that of an eleventh 18 % (docs/howto/identify.md)."""
+offsets of ten public logs take 0 to 3.2 %, that of an eleventh 18 % (docs/howto/identify.md)."""
 LEAST_DEVIATIONS = 2.0
 """Least gain of a supported parameter, in standard deviations of the gain"""
 
@@ -285,12 +285,9 @@ class Comparison(abc.ABC):
 
 
 def consider(own: Array, others: Array, off: Array) -> tuple[Array, Array]:
-    """Covariance of a fit by noise, and that which errors of held parameters add to it, in spreads.
-
-    A held parameter with standard deviation `off` moves the fit by its slopes `others` (consider
-    covariance; Tapley et al. 2004, Statistical Orbit Determination, 6.2).
-    """
-    inverse = np.linalg.inv(own.T @ own + np.eye(own.shape[1]))
+    """Covariance of a fit by noise, and what held parameters, off by `off`, add by their slopes
+    `others` (consider covariance; Tapley et al. 2004, Statistical Orbit Determination, 6.2)."""
+    inverse = np.asarray(np.linalg.inv(own.T @ own + np.eye(own.shape[1])), np.float64)
     moved = inverse @ (own.T @ others) * off
     return inverse, moved @ moved.T
 

@@ -59,8 +59,7 @@ BAD, WORST = 5.0, 4
 """Multiple of the usual residual above which a fit is refused; number of dives that the message
 names"""
 STALLED, STALL, FALLING = 0.75, 600.0, 0.02
-"""[1], [s], [m/s] Depth rate of a phase over the model's below which a dive counts as stalled;
-shortest such phase; least depth rate of one"""
+"""[1], [s], [m/s] Depth rate over the model's of a stalled phase; its duration and depth rate"""
 MOVING = 0.05
 """[m/s] Smallest depth rate of a glider that sinks or rises"""
 START_FACTORS, START_LOGS = (0.5, 1.0, 2.0, 4.0, 8.0), 3
@@ -168,15 +167,14 @@ def _covariance(problem: DepthRates, x: Array, known: Sequence[str]) -> Array:
 
 def _stalled(problem: DepthRates, x: Array) -> tuple[int, ...]:
     """Rows of the dives that sink or rise far slower than the model, as stalled wings do."""
-    found = set()
-    series = zip(problem.logs, problem.masks, problem.missed(x)["depth_rate"], strict=True)
-    for log, mask, missed in series:
-        rate = log.depth_rate[mask]
+    found = {}
+    for k, missed in enumerate(problem.missed(x)["depth_rate"]):
+        log, rate = problem.logs[k], problem.logs[k].depth_rate[problem.masks[k]]
         for side in (rate > FALLING, rate < -FALLING):
             if side.sum() * log.period > STALL:
-                model = np.median((rate + missed)[side])
-                found |= {log.index} if np.median(rate[side]) / model < STALLED else set()
-    return tuple(sorted(found))
+                part = np.median(rate[side]) / np.median((rate + missed)[side])
+                found[log.index] = found.get(log.index, False) or part < STALLED
+    return tuple(row for row, slow in found.items() if slow)
 
 
 def _check_residual(problem: DepthRates, x: Array, found: Identification) -> None:

@@ -10,7 +10,7 @@ All windows and all steps of the finite differences are one batch.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,7 +23,7 @@ from twin.identify.logged_missions import Log, gliding, layers
 from twin.identify.pitch import PITCHING, balanced
 from twin.identify.speed import density_of, motion_of
 from twin.identify.turning_windows import channel_of
-from twin.identify.unknowns import PARAMETERS, UnknownParameter, choose
+from twin.identify.unknowns import PARAMETERS, choose
 from twin.mission.controller import Schedule
 from twin.physics.fleet import Fleet
 from twin.physics.scenario import Scenario
@@ -91,7 +91,7 @@ def refine(
     logs: Sequence[Log],
     flight: Identification,
     *,
-    known: Sequence[str] = (),
+    known: Collection[str] = (),
     progress: Callable[[float], None] = lambda part: None,
 ) -> Refinement:
     """Fit the twin to windows of the logs, from the answer of `identify`.
@@ -110,7 +110,8 @@ def refine(
     centres = np.array([p.get(flight.nominal) for p in parameters])
     balance = balanced(logs, flight.calibration)
     start = flight.calibration if balance is None else balance.calibration
-    x = np.array([_offset(p, c, start) for p, c in zip(parameters, centres, strict=True)])
+    began = [(p, p.get(start), c) for p, c in zip(parameters, centres, strict=True)]
+    x = np.array([(np.log(v / c) if p.logarithmic else v - c) / p.spread for p, v, c in began])
 
     def calibrated(offsets: Array) -> Calibration:
         out = flight.calibration
@@ -140,9 +141,12 @@ def refine(
     final = calibrated(x)
     held = [p for p in PARAMETERS if p not in parameters and p.name not in known]
     values = [p.get(final) for p in held]
-    ((rates, pitches), *changed) = _missed(
-        windows, [final, *(p.at(final, v, STEP) for p, v in zip(held, values, strict=True))]
-    )
+    stepped = [p.at(final, v, STEP) for p, v in zip(held, values, strict=True)]
+    moment = (
+        final.vehicle.static_mass * final.vehicle.static_cg
+    )  # a heavier hull is trimmed as well
+    stepped = [c.with_vehicle(static_cg=moment / c.vehicle.static_mass) for c in stepped]
+    ((rates, pitches), *changed) = _missed(windows, [final, *stepped])
     base = _weighted((rates, pitches), scales)
     others = [(_weighted(one, scales) - base) / STEP for one in changed]
     sure = {e.name: e.deviation for e in flight.estimates if e.determined}
@@ -171,13 +175,6 @@ def refine(
         pitch_rmse=pitch_rmse,
         windows=len(windows),
     )
-
-
-def _offset(parameter: UnknownParameter, centre: float, calibration: Calibration) -> float:
-    value = parameter.get(calibration)
-    if parameter.logarithmic:
-        return float(np.log(value / centre) / parameter.spread)
-    return (value - centre) / parameter.spread
 
 
 def _windows(logs: Sequence[Log]) -> list[_Window]:

@@ -251,8 +251,7 @@ def _stall_remark(scenario: Scenario, run: Trajectory) -> str:
     attack = np.abs(np.arctan2(heave, surge))
     stalled = (attack > law.blend_angle) & (run["true_depth"] > UNDER_WATER_M)
     width = round(LONG_STALL / scenario.sample_period) | 1
-    stalled = maximum_filter1d(minimum_filter1d(stalled, width), width)  # the long ones
-    if not stalled.any():
+    if not (stalled := maximum_filter1d(minimum_filter1d(stalled, width), width)).any():
         return ""
     return (
         f"the vehicle fell with stalled wings, an angle of attack of "
