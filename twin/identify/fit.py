@@ -167,7 +167,7 @@ def _covariance(problem: DepthRates, x: Array, known: Sequence[str]) -> Array:
 
 def _stalled(problem: DepthRates, x: Array) -> tuple[int, ...]:
     """Rows of the dives that sink or rise far slower than the model, as stalled wings do."""
-    found = {}
+    found: dict[int, bool] = {}
     for k, missed in enumerate(problem.missed(x)["depth_rate"]):
         log, rate = problem.logs[k], problem.logs[k].depth_rate[problem.masks[k]]
         for side in (rate > FALLING, rate < -FALLING):
