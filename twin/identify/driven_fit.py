@@ -298,8 +298,7 @@ def identify_driven(
         )
     free = free_of(wanted, notes)
     problem, x = _fitted(runs, nominal, free, lambda part: progress(0.9 * part), far=unsure > 1.0)
-    # what the user's list leaves out is not known for that
-    held = [p for p in everything if p not in wanted and p.name not in (known or {})]
+    held = [p for p in everything if p not in wanted and p.name not in (known or {})]  # not listed
     covariance = problem.fitted(x).covariance + problem.considered(x, held)[1]
     before = {p.name: float(np.sqrt(covariance[k, k])) for k, p in enumerate(free)}
     for name, off in before.items():

@@ -65,9 +65,7 @@ ENDS: dict[str, Any] = {"max_nfev": 8, "xtol": 1e-3, "ftol": 1e-4}
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Beliefs:
-    """State estimate of the parameters after each dive; the first axis of arrays is the dive.
-
-    Deviations are for changes: errors of the calibration's other numbers move all dives alike."""
+    """State estimate of the parameters after each dive; the first axis of arrays is the dive."""
 
     parameters: tuple[UnknownParameter, ...]
     nominal: tuple[float, ...]
@@ -99,7 +97,7 @@ class Beliefs:
         return np.array([self.parameters[k].value(self.nominal[k], float(x)) for x in offsets])
 
     def deviation(self, name: str, *, smoothed: bool = False) -> Array:
-        """Standard deviation of a parameter after each dive, in its unit, (dives,)."""
+        """Standard deviation after each dive, in its unit, (dives,), other numbers being exact."""
         k = self.place(name)
         covariance = (self.smoothed_covariance if smoothed else self.covariance)[:, k, k]
         off, values = self.parameters[k].deviation, self.value(name, smoothed=smoothed)
