@@ -22,6 +22,7 @@ from glider_twin_ops.health.dive_channels import DiveSignals, channels_of, fligh
 from glider_twin_ops.health.judgement import follow, rings
 from glider_twin_ops.health.remarks import remarks_of
 from glider_twin_ops.health.signatures import usual_dive
+from twin.vehicle import Consumption
 
 DIVES = 20
 
@@ -93,6 +94,33 @@ def test_a_pump_works_against_the_sea_and_the_vacuum_inside():
     found = channels_of(DiveSignals(period=1.0, signals=signals), None)
     assert found[PLACE["pump_work"]] == pytest.approx(math.log(2.0))
     assert found[PLACE["pump_rate"]] == pytest.approx(0.0)  # 1 cm3/s
+
+
+def test_a_pump_is_judged_by_its_files_energy_at_any_depth():
+    """A loss of the motor at any depth would look like a weaker pump in shallow dives."""
+    vehicle = twin.load_vehicle("slocum-1000")
+    losses = Consumption.of(vehicle)
+    assert losses.pump_loss > 0.0
+    volume = np.clip(np.arange(150.0) - 20.0, 0.0, 100.0)
+    stroke = np.diff(volume, prepend=0.0) > 0.0
+
+    def work(depth, spent=1.0, lost=()):
+        pressure = (1e4 * depth + 3e4) / losses.pump_efficiency + losses.pump_loss
+        power = np.where(stroke, spent * 1e-6 * pressure, 0.0)
+        signals = {
+            "measured_depth": np.full(150, depth), "measured_pump": volume,
+            "measured_pump_power": power, "measured_depth_time": np.arange(150.0),
+        }  # fmt: skip
+        for sample in lost:  # what the importer interpolates is no stroke
+            signals["measured_depth_time"][sample] += 100.0
+            signals["measured_pump_power"][sample] = 0.0
+        return channels_of(DiveSignals(period=1.0, signals=signals), flight_model(vehicle))[
+            PLACE["pump_work"]
+        ]
+
+    assert [work(50.0), work(400.0), work(900.0)] == pytest.approx([0.0] * 3, abs=1e-9)
+    assert work(400.0, lost=range(30, 40)) == pytest.approx(0.0, abs=1e-9)
+    assert work(400.0, spent=1.25) == pytest.approx(math.log(1.25))
 
 
 def test_an_alarm_stands_until_no_fault_is_as_likely():
