@@ -51,7 +51,7 @@ FINEST = 20.0
 """[s] Longest sample period at which a pump's strokes can be seen"""
 AGREE = 6.0
 """[s] Difference of a lag between the halves of a dive that is accepted, or the lag itself"""
-LOST = 0.1
+LOST = 0.5
 """Largest fraction of lost samples below the surface of a dive whose glide is judged"""
 LAYER = 2.0
 """[m] Height of the layers in which the CTD's dives and climbs are compared"""

@@ -349,7 +349,7 @@ def _ratio(
     return found
 
 
-LEVEL, SLOPE, SURE = -0.39, 0.215, 20.0
+LEVEL, SLOPE, SURE = -0.05, 0.270, 20.0
 """Logistic regression, over the evidence after the last dive, of a fault that has begun and is
 named, where one begins once in `RARE` dives; and the evidence from which on nearly all names were
 right"""
@@ -361,11 +361,11 @@ def chance(evidence: float) -> float:
 
 
 RATES: tuple[tuple[float, float, float], ...] = (
-    (3.0, -9.79, -5.49),
-    (10.0, -6.15, -3.83),
-    (30.0, -4.14, -2.73),
-    (100.0, -0.85, -1.55),
-    (300.0, 6.33, -0.79),
+    (3.0, -12.40, -5.47),
+    (10.0, -7.48, -3.87),
+    (30.0, -5.12, -2.66),
+    (100.0, -2.78, -1.67),
+    (300.0, 7.91, -0.75),
 )
 """[d] of sound vehicles per false alarm; threshold of the log odds by simulated deployments, and by
 channels with the stated noise and walk"""
