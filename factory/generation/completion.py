@@ -90,7 +90,7 @@ class FailedAttempt(NamedTuple):
     attempt: int
     reason: str
     time_s: float | None
-    """[s] Time at which the simulation lost finite values; None if it never started"""
+    """[s] Time of the first value that was not finite; None: the simulation never started"""
 
 
 class FlownMission(NamedTuple):
@@ -113,7 +113,7 @@ Array = tuple[str, NDArray[Any], Mapping[str, Any]]
 
 
 def mission_arrays(recipe: Recipe, missions: Sequence[FlownMission]) -> Iterator[Array]:
-    """Yield the arrays over missions, except those of the plan and those with one fixed value."""
+    """Yield the arrays over missions, except the plan and parameters that nobody sampled or set."""
     counted: dict[str, NDArray[Any]] = {
         names.N_SAMPLES: np.array([flown.samples for flown in missions], np.int32),
         names.ATTEMPT: np.array([flown.attempt for flown in missions], np.int16),
@@ -132,7 +132,7 @@ def mission_arrays(recipe: Recipe, missions: Sequence[FlownMission]) -> Iterator
 
 
 def _parameter(recipe: Recipe, name: str, missions: Sequence[FlownMission]) -> Iterator[Array]:
-    """Yield the array of a parameter, unless all missions have the same fixed value."""
+    """Yield the array of a parameter, unless its preset gives all missions the same value."""
     parameter, distribution = recipe.table[name], recipe.distributions[name]
     words = option_names(recipe, name)
     fixed = distribution.value if isinstance(distribution, Fixed) else None
@@ -150,7 +150,7 @@ def _parameter(recipe: Recipe, name: str, missions: Sequence[FlownMission]) -> I
         values[i, : len(row)] = row
     usual = fixed if isinstance(fixed, float) and not parameter.per_segment else np.nan
     blank = values == UNUSED_CODE if words else np.isnan(values)
-    if not (~blank & (values != usual)).any():
+    if name not in recipe.changes and not (~blank & (values != usual)).any():
         return
     attributes: dict[str, Any] = {
         "units": parameter.unit,
@@ -173,7 +173,7 @@ def constant_attributes(name: str, unit: str) -> dict[str, Any]:
 
 
 def option_names(recipe: Recipe, name: str) -> tuple[str, ...]:
-    """Return the words that a parameter can have; stores keep a word's position as integer."""
+    """Return the words that a parameter can have; stores keep the index of a word."""
     if name == "mission.kind":
         return kinds_for(recipe.vehicle)
     distribution = recipe.distributions[name]
@@ -243,7 +243,7 @@ def read_marker(job: Job, number: int) -> Marker | None:
 
 def finished(job: Job, number: int, sizes: Mapping[str, int] | None = None) -> Marker | None:
     """Return the marker of a shard if all its files are in the tree with the right size, else None.
-    `sizes` are those of the files in the tree; None lists them."""
+    `sizes`: sizes of the files in the tree by name; None: list the tree."""
     found = read_marker(job, number)
     if found is None:
         return None
@@ -252,8 +252,8 @@ def finished(job: Job, number: int, sizes: Mapping[str, int] | None = None) -> M
 
 
 def complete(job: Job) -> None:
-    """Write all parts of a store except its shards, from the markers. The records of all missions,
-    some kB each, are in memory meanwhile.
+    """Write everything in a store except its shards, from the markers. Meanwhile the records of all
+    missions, some kB each, are in memory.
 
     Raises:
       StoreError: a shard is missing. OSError: the disk refuses.

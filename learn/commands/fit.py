@@ -5,13 +5,14 @@ from __future__ import annotations
 import contextlib
 import shlex
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from learn.run import RUNS, checked_name, free_name
+from learn.run import DEFAULT_STORE, RUNS, checked_name, free_name
 from learn.training import CHOICES, FitSettings
 from twin.cli.console import Console, JsonOption
 from twin.cli.options import StoreArgument
@@ -62,6 +63,8 @@ class Fit(FitSettings, JsonOption):
 
     def run(self, console: Console) -> int:
         """Train, evaluate, write the report."""
+        if not self.resume:
+            _open_stores(self.store or (str(DEFAULT_STORE),))
         from learn.finishing import check_finish, finish
         from learn.report import tell_report
         from learn.run_folder import training_folder
@@ -111,10 +114,19 @@ class Fit(FitSettings, JsonOption):
                 continue
             if isinstance(allowed, tuple):
                 raise InputError(unknown_name(f"word for --{option}", given, allowed))
-            _ = allowed[given]  # a registry, whose error lists the known names
+            _ = allowed[given]  # an extension point, whose error lists the known names
 
     def _folder(self) -> Path:
         return RUNS / (free_name() if self.name is None else checked_name(self.name))
+
+
+def _open_stores(stores: Sequence[StoreArgument | str]) -> None:
+    """Open each store, whose errors then come before the import of torch, which takes seconds."""
+    from twin.records import MissionStore
+
+    for store in stores:
+        with MissionStore(store):
+            pass
 
 
 class Watcher:

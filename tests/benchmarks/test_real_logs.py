@@ -189,16 +189,17 @@ def test_the_twin_knows_the_speed_of_the_comet(tmp_path):
     compared = [row for row in rows.values() if row.kind != "published"]
     assert {row.samples for row in compared} == {2504}
     twin, steady = rows["twin, corrected pitch"], rows["steady flight model, corrected pitch"]
-    assert twin.value == pytest.approx(0.0163, abs=3e-4)
+    assert twin.value == pytest.approx(0.0140, abs=3e-4)
     assert twin.low < twin.value < twin.high
     assert twin.value < steady.value
-    # asked for, the depth rate knows the correction that the author took from the Doppler log
+    # the depth rate alone says too little of the correction that the author took from the Doppler
+    # log: asked for, the scale stays with a standard deviation that his value is within
     scaled = rows["twin, pitch scale estimated too"]
-    assert scaled.note.startswith("depth rate only; pitch scale 0.855 +- 0.072 with it")
-    assert scaled.value < twin.value
-    # without, no method does
+    assert scaled.note.startswith("depth rate only; pitch scale 1.000 +- 0.081 with it")
+    # without the correction, no method does
     logged = [row for row in compared if "as logged" in row.method]
-    assert min(row.value for row in logged if "w/sin" not in row.method) > 2.0 * twin.value
+    models = [row.value for row in [*logged, scaled] if "w/sin" not in row.method]
+    assert min(models) > 2.0 * twin.value
     # a constant that no theory gives, chosen in hindsight, hides most of it
     best = min(logged, key=lambda row: row.value)
     assert best.method == "w/sin(pitch + 1 deg), pitch as logged"

@@ -127,6 +127,29 @@ def test_one_sender_of_each_is_read_and_the_others_are_named(whole):
     assert "SetThrusterActuation" in unread  # a part of the power, no speed
 
 
+def test_each_source_that_is_not_used_is_named_with_the_one_that_is(whole, tmp_path):
+    def left_out(report):
+        return {(e.subject, e.detail) for e in report.entries if "is taken from" in e.detail}
+
+    angles = (("measured_roll", "phi"), ("measured_pitch", "theta"))
+    taken = "{} is taken from EstimatedState/Navigation {}".format
+    assert {("EulerAngles/AHRS", taken(*one)) for one in angles} <= left_out(whole[1])
+    assert (
+        "EstimatedState/Navigation",
+        "measured_depth is taken from Depth/Depth_Sensor value",
+    ) in left_out(whole[1])
+    mapping = tmp_path / "mapping.toml"
+    mapping.write_text(
+        'vehicle = "remus"\n[signals.measured_roll]\ncolumn = "EulerAngles/AHRS phi"\n'
+        'unit = "rad"\n'
+    )
+    _, report = import_logs("lsf", [log(tmp_path)], mapping=mapping)
+    assert {d for s, d in left_out(report) if s == "EulerAngles/AHRS"} == {
+        "measured_pitch is taken from EstimatedState/Navigation theta",
+        "measured_heading is taken from EstimatedState/Navigation psi",
+    }
+
+
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_packets_of_either_byte_order(order, tmp_path):
     """By the description alone; the little-endian ones are the very bytes that DUNE writes."""

@@ -222,6 +222,13 @@ def test_an_unstable_mission_is_recorded_replaced_and_counted(tmp_path, recipe):
         replay_failure(run, failures[0].mission, 19)
 
 
+def test_a_value_that_was_set_is_an_array_of_the_store(tmp_path, recipe):
+    generate(recipe(changes={"current.speed": "0.3"}), tmp_path / "missions.zarr", workers=1)
+    speeds = GeneratedStore(tmp_path / "missions.zarr").array("current_speed")
+    assert speeds.size > 0
+    assert set(speeds) == {0.3}
+
+
 def test_a_mission_that_never_flies_ends_the_run(tmp_path, recipe):
     made = recipe(changes={"mission.pitch_deg": "2"})
     store = tmp_path / "missions.zarr"

@@ -334,6 +334,16 @@ def process(*words: str, stdout: Any = subprocess.PIPE, stderr: Any = subprocess
     return subprocess.run([sys.executable, *words], stdout=stdout, stderr=stderr, text=True)
 
 
+def test_a_missing_store_of_a_fit_is_said_before_torch_is_imported():
+    code = (
+        "import sys; from learn.__main__ import main; sys.argv[1:] = ['fit', 'absent.zarr']; "
+        "code = main(); assert 'torch' not in sys.modules; sys.exit(code)"
+    )
+    done = process("-c", code)
+    assert done.returncode == 2
+    assert "no store at absent.zarr" in done.stderr
+
+
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_python_dash_m_is_the_same_program(name):
     done = process("-m", name, "--version")

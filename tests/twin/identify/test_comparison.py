@@ -7,9 +7,16 @@ import numpy as np
 import pytest
 
 from twin.identify import identify, load_calibration, load_logs
-from twin.identify.comparison import LEAST_GAIN, PRIOR, Gain, left_out
+from twin.identify.comparison import (
+    LEAST_GAIN,
+    PRIOR,
+    Gain,
+    correlation_samples,
+    left_out,
+    shares,
+)
 from twin.identify.pitch import PITCHING
-from twin.identify.residuals import dive_residuals, noise_of_dives
+from twin.identify.residuals import DepthRates, dive_residuals, noise_of_dives
 from twin.identify.rollout import refine
 from twin.identify.turning_fit import TURNING
 from twin.identify.unknowns import choose
@@ -185,3 +192,40 @@ def test_a_dives_residuals_change_as_their_jacobian_says(dives, which):
         "righting_arm": ["pitch", "yaw_rate"],
         "yaw_damping": ["yaw_rate"],
     }[parameter.name]
+
+
+def test_an_outlier_of_three_deviations_counts_half_and_of_nine_a_tenth():
+    (kept,) = shares([np.array([0.0, 0.6, -0.6, 1.8])], 0.2)
+    np.testing.assert_allclose(kept, [1.0, 0.5, 0.5, 0.1])
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.6, 0.9])
+def test_correlated_residuals_count_as_many_as_a_first_order_process_has_independent_ones(memory):
+    """1 + 2 (a + a^2 + ...) = (1 + a) / (1 - a), over the pieces of a log."""
+    rng, pieces = np.random.default_rng(7), []
+    for length in (30_000, 50_000):
+        kick, piece = rng.standard_normal(length), np.zeros(length)
+        for k in range(1, length):
+            piece[k] = memory * piece[k - 1] + kick[k]
+        pieces.append(piece)
+    expected = (1.0 + memory) / (1.0 - memory)
+    assert correlation_samples(pieces, 400) == pytest.approx(expected, rel=0.15)
+
+
+def test_the_current_is_what_the_fixes_say_beyond_the_way_through_the_water(runs, dives):
+    """There and back again in currents that are known: their changes are left, of no way swum."""
+    truth = load_calibration(
+        simulated.changed(load_vehicle("glider"), drag=1.2, neutral_density=1025.2)
+    )
+    swum, one = runs[0].position[-1, :2], dives[0]
+    known = np.random.default_rng(5).normal(0.0, 0.2, (8, 2))
+    logs = [
+        dataclasses.replace(
+            one, heading=one.heading + k * np.pi, follows=k > 0,
+            displacement=tuple((-1) ** k * swum + current * one.duration),
+        )
+        for k, current in enumerate(known)
+    ]  # fmt: skip
+    problem = DepthRates(logs, truth, choose(["drag"]), fixes=True)
+    changes = problem.missed(np.zeros(problem.size))["current"]
+    np.testing.assert_allclose(changes, np.diff(known, axis=0), atol=0.02)
