@@ -5,11 +5,14 @@ import dataclasses
 import identify_logs as simulated
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 from twin.identify import identify, load_calibration, load_logs
 from twin.identify.comparison import (
     LEAST_GAIN,
     PRIOR,
+    ComparedQuantity,
+    Comparison,
     Gain,
     correlation_samples,
     left_out,
@@ -63,11 +66,50 @@ def test_a_pitch_offset_is_chosen_where_there_is_one(tmp_path, runs, offset):
 
 def test_the_full_twin_recovers_what_was_flown(tmp_path, runs):
     logs = load_logs(simulated.stored(tmp_path / "log.zarr", runs[:2]))
-    refined = refine(logs, identify(logs, NOMINAL, parameters=list(TRUTH), fixes=False))
+    flight = identify(logs, NOMINAL, parameters=list(TRUTH), fixes=False)
+    refined = refine(logs, flight)
+    for name in TRUTH:  # what both leave at nominal is as unsure in both
+        ratio = refined.identification[name].deviation / flight[name].deviation
+        assert 0.5 < ratio < 2.0, name
     place = 1e3 * NOMINAL.vehicle.battery.neutral_x
     assert_recovered(refined.identification, shift_offset=place)
     assert refined.depth_rate_rmse < 0.01
     assert refined.pitch_rmse < np.deg2rad(1.0)
+
+
+class Straight(Comparison):
+    """Residuals that are linear in drag, trim, mass and a bias."""
+
+    biases = ("a bias",)
+
+    def __init__(self, design, parameters):
+        channels = {"depth_rate": ComparedQuantity(unit="m/s", least=1e-6, samples=1.0)}
+        super().__init__(NOMINAL, parameters, channels, {"depth_rate": [0]})
+        self.design, self.weights = design, {"depth_rate": [np.ones(len(design))]}
+
+    def missed(self, x):
+        calibration = self.calibration(x)
+        values = [100.0 * (p.get(calibration) / p.get(NOMINAL) - 1.0) for p in STRAIGHT]
+        return {"depth_rate": [self.design @ np.array([*values, x[-1]])]}
+
+
+STRAIGHT = choose(["neutral_density", "mass", "lift_ratio"])
+
+
+def test_held_parameters_move_a_fit_with_biases_by_their_usual_errors():
+    """Against the fits themselves, with each held parameter off by its usual error."""
+    design = np.random.default_rng(5).normal(size=(30, 4))
+    fitted, held = STRAIGHT[:1], STRAIGHT[1:]
+    problem = Straight(design, fitted)
+    _, added = problem.considered(np.zeros(2), held)
+    want = np.zeros((2, 2))
+    for parameter in held:
+        off = parameter.held / parameter.spread
+        wrong = Straight(design, fitted)
+        wrong.nominal = parameter.at(NOMINAL, parameter.get(NOMINAL), 1e-3 * off)
+        moved = least_squares(wrong.residual, np.zeros(2), jac=wrong.jacobian).x / 1e-3
+        want += np.outer(moved, moved)
+    np.testing.assert_allclose(added, want, rtol=0.02, atol=1e-3 * np.abs(want).max())
 
 
 def test_a_pitch_scale_that_is_asked_for_comes_back(tmp_path, runs):

@@ -271,16 +271,16 @@ def test_a_member_drifts_at_the_surface_and_goes_on_along_its_way():
 
 
 def test_what_the_log_shows_under_water_lengthens_the_first_dive_along_its_way():
-    """Twice as long at the same speed: twice as far, and all later ones as much later and farther
-    away."""
+    """Half as long again at the same speed: half as far again, and all later ones as much later and
+    farther away."""
     flight = MemberFlight(
         time=np.array([1000.0, 3000.0]), place=np.array([[300.0, -60.0], [300.0, 800.0]]),
         energy=np.ones(2), track=np.array([[0.0, 0.0], [150.0, -30.0], [300.0, 400.0]]),
         times=np.array([0.0, 500.0, 2000.0]), duration=4000.0, taken=2.0, end=np.zeros(6),
     )  # fmt: skip
-    found = flight.not_before(2000.0)
-    assert found.time == pytest.approx([2000.0, 4000.0])
-    assert found.place == pytest.approx(np.array([[600.0, -120.0], [600.0, 740.0]]))
-    assert found.times == pytest.approx([0.0, 1000.0, 3000.0])
-    assert found.track == pytest.approx(np.array([[0.0, 0.0], [300.0, -60.0], [600.0, 340.0]]))
+    found = flight.not_before(1500.0)
+    assert found.time == pytest.approx([1500.0, 3500.0])
+    assert found.place == pytest.approx(np.array([[450.0, -90.0], [450.0, 770.0]]))
+    assert found.times == pytest.approx([0.0, 750.0, 2500.0])
+    assert found.track == pytest.approx(np.array([[0.0, 0.0], [225.0, -45.0], [450.0, 370.0]]))
     assert flight.not_before(1000.0) is flight
