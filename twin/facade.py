@@ -14,7 +14,7 @@ import numpy as np
 
 from twin.errors import InputError, SimulationUnstable
 from twin.faults.base import Fault, parse_faults, read_by
-from twin.mission import Mission
+from twin.mission import Mission, check_depth
 from twin.mission.controller import Controller, Schedule
 from twin.mission.shipped_missions import load_mission_for
 from twin.navigation.estimators.base import VelocityEstimator
@@ -106,7 +106,7 @@ def simulate(
       The trajectory: a mapping of signals in NED and FRD, angles in degrees.
 
     Raises:
-      InputError and its kinds: a name or value that cannot be used; nothing was flown.
+      InputError and its subclasses: a name or value that cannot be used; nothing was flown.
       SimulationUnstable: with the trajectory up to that time as `partial`.
     """
     given = dict(locals())
@@ -130,6 +130,7 @@ def simulate(
         suite = scenario.navigate.suite
     if isinstance(scenario.mission, Mission):
         scenario.mission.check(scenario.vehicle)
+        check_depth(scenario.mission.deepest, scenario.vehicle)
     if suite is None:
         _refuse_unseen(scenario)
         if own:
@@ -186,7 +187,7 @@ def scenario_of(
       commanded: a controller will give the commands, so that no mission is taken by default.
 
     Raises:
-      InputError and its kinds: a name or value that cannot be used.
+      InputError and its subclasses: a name or value that cannot be used.
     """
     suite = _suite(sensors, seed)
     navigation = Navigation.of(navigate)

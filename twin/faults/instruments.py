@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -58,26 +58,20 @@ class CompassIron(Fault):
     def expected(self, way: Array) -> Mapping[str, Array]:
         """Apparent current: the wrong heading turns the velocity through the water."""
         north, east = way.T
-        heading = np.arctan2(east, north)
-        off = math.radians(1.0) * np.sin(heading - math.radians(self.toward))
-        return {"current_north": off * east, "current_east": -off * north}
+        return _apparent(way, np.sin(np.arctan2(east, north) - math.radians(self.toward)))
 
     def choices(self, vehicle: Vehicle) -> tuple[Mapping[str, Any], ...]:
-        """Values of `toward` 45 deg apart, over half a turn because the size has a sign."""
+        """Values of `toward` 45 deg apart, over half a circle because the size has a sign."""
         return tuple({"toward": 45.0 * k} for k in range(4))
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """Add the deviation to the heading; nothing without a compass."""
-        heading = signals.get("measured_heading")
-        if heading is None:
-            return {}
-        off = size * np.sin(np.deg2rad(heading - self.toward))
-        return {"measured_heading": np.mod(heading + off, 360.0)}
+        """Add the deviation to the heading; no change without a compass."""
+        return _misread(signals, lambda true: size * np.sin(np.deg2rad(true - self.toward)))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CompassTurned(Fault):
-    """A compass turned as a whole: moved in its mount, or with the declination of another place."""
+    """A compass turned by a constant angle: by its mount, or by another place's declination."""
 
     kind = "compass_turned"
     says = "the compass is turned as a whole"
@@ -92,17 +86,31 @@ class CompassTurned(Fault):
     find_out = "fly legs on three headings with fixes between them, and compare"
 
     degrees: float = 8.0
-    """[degree] Reading less heading, on every heading"""
+    """[degree] Compass reading minus true heading, equal on every heading"""
+
+    def change(self, condition: Condition, size: float) -> Condition:
+        """Turn guidance's compass."""
+        return condition.replace(compass_offset=condition.compass_offset + math.radians(size))
 
     def expected(self, way: Array) -> Mapping[str, Array]:
         """Apparent current: the wrong heading turns the velocity through the water."""
-        north, east = math.radians(1.0) * way.T
-        return {"current_north": east, "current_east": -north}
+        return _apparent(way, np.ones(len(way)))
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """Turn the heading; nothing without a compass. Guidance does not read it."""
-        heading = signals.get("measured_heading")
-        return {} if heading is None else {"measured_heading": np.mod(heading + size, 360.0)}
+        """Turn the heading; no change without a compass."""
+        return _misread(signals, lambda _: size)
+
+
+def _apparent(way: Array, degrees: Array) -> Mapping[str, Array]:
+    """Apparent current [m/s] of velocities (n, 2) whose heading reads so many degrees too much."""
+    (north, east), off = way.T, math.radians(1.0) * degrees
+    return {"current_north": off * east, "current_east": -off * north}
+
+
+def _misread(signals: Readings, off: Callable[[Array], Array]) -> Readings:
+    """Add an error [degree], a function of the heading, to the compass; no change without one."""
+    true = signals.get("measured_heading")
+    return {} if true is None else {"measured_heading": np.mod(true + off(true), 360.0)}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -152,7 +160,7 @@ class AltimeterBlind(Fault):
     """Fraction of the altimeter returns that is lost"""
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """Reduce guidance's returns; without a return it uses the last one for a while."""
+        """Reduce guidance's returns; without a return, guidance uses the last one for a while."""
         heard = (1.0 - condition.echoes_lost) * (1.0 - size)
         return condition.replace(echoes_lost=1.0 - heard)
 
@@ -161,7 +169,7 @@ class AltimeterBlind(Fault):
         return {"echoes": -np.ones(len(way))}
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """Replace lost returns by NaN; nothing without an altimeter."""
+        """Replace lost returns by NaN; no change without an altimeter."""
         height = signals.get("measured_altitude")
         if height is None:
             return {}
@@ -204,13 +212,13 @@ class _Lagged(Fault):
     """Name of the instrument's signal."""
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """Apply the lag and recompute salinity and density; nothing without a CTD."""
+        """Apply the lag and recompute salinity and density; no change without a CTD."""
         if any(name not in signals for name in CTD):
             return {}
         return self.shown(signals, lagged(signals[self.late], size, period))
 
     def shown(self, signals: Readings, late: Array) -> Readings:
-        """Readings of a CTD with `late` for the lagged signal: PSS-78 and TEOS-10, as in `Ctd`."""
+        """Readings of a CTD whose lagged signal is `late`: PSS-78 and TEOS-10, as in `Ctd`."""
         import gsw
 
         temperature, conductivity, pressure = ({**signals, self.late: late}[name] for name in CTD)
@@ -285,7 +293,7 @@ class ThermistorSlow(_Lagged):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DvlBeam(Fault):
-    """A Doppler log with a dead beam: it loses lock whenever another beam gets no return."""
+    """A Doppler log with a dead beam, which loses lock when another beam gets no return."""
 
     kind = "dvl_beam"
     says = "a beam of the Doppler log is dead"
@@ -300,7 +308,7 @@ class DvlBeam(Fault):
     """Fraction of the samples that lose their lock"""
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """Remove velocities and lock of lost samples; nothing without a Doppler log."""
+        """Remove velocities and lock of lost samples; no change without a Doppler log."""
         if "measured_dvl_mode" not in signals:
             return {}
         lost = rng.random(len(size)) < size

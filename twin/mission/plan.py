@@ -23,6 +23,28 @@ from twin.vehicle.vehicle import Vehicle
 AT_END = ("surface", "hold")
 OVERSHOOT_MARGIN_M = 3.0
 """[m] Margin below a dive's lower depth; dives overshoot by up to 2.7 m, which must not abort."""
+DEPTHS = ("max_depth_m", "depth_m", "until_depth_m")
+"""Fields of segments that name a depth to go to"""
+DEEPEST = 1500.0
+"""[m] Rated depth for a file without one: the deepest shipped vehicle's"""
+TOO_DEEP = 1.2
+"""[1] Largest allowed ratio of a mission's depth to the rated depth"""
+
+
+def built_for(vehicle: Vehicle) -> float:
+    """[m] Depth that a vehicle is built for."""
+    return vehicle.rated_depth or DEEPEST
+
+
+def check_depth(depth: float, vehicle: Vehicle) -> None:
+    """Raise MissionError for a depth [m] far below the one that the vehicle is built for."""
+    rated = built_for(vehicle)
+    if depth > TOO_DEEP * rated:
+        raise MissionError(
+            f"the mission dives to {depth:g} m, and {vehicle.name} is built for {rated:g} m: the "
+            f"limit is {TOO_DEEP:g} times that, {TOO_DEEP * rated:g} m; give a lesser depth, or a "
+            "vehicle whose file has a larger rated_depth"
+        )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -34,7 +56,7 @@ class Mission:
     name: str = "mission"
     """Name of the mission in summaries and stores."""
     duration_s: float | None = None
-    """Time at which the simulation ends [s]; None: when the segments are flown."""
+    """Time at which the simulation ends [s]; None: the end of the last segment."""
     start_depth_m: float = 0.0
     """Depth of the start [m], positive down."""
     start_heading_deg: float = 0.0
@@ -129,15 +151,21 @@ class Mission:
 
     @property
     def needs_floor(self) -> str:
-        """Name of the first field in use that needs a sea floor; empty: none does."""
+        """Name of the first field in use that needs a sea floor; empty if no field does."""
         for name in ("altitude_m", "min_altitude_m"):
             if any(getattr(segment, name, None) is not None for segment in self.segments):
                 return name
         return ""
 
     @property
+    def deepest(self) -> float:
+        """[m] Largest depth of start and segments; 0 for one that follows the sea floor."""
+        named = (getattr(one, name, None) for one in self.segments for name in DEPTHS)
+        return max(self.start_depth_m, *(depth or 0.0 for depth in named))
+
+    @property
     def needs_place(self) -> bool:
-        """True if a target is a latitude and longitude, so the start must be known on the Earth."""
+        """True if a target has a latitude and longitude, so that the start must have them too."""
         return any(getattr(segment, "geographic", False) for segment in self.segments)
 
     def placed(self, latitude: float, longitude: float) -> Mission:
@@ -154,7 +182,7 @@ class Mission:
     def compile(self, vehicle: Vehicle) -> tuple[Array, Array]:
         """Table (rows + 1, SEGMENT_COLUMNS + 3 parts) and gains (GAINS,) for guidance.
 
-        A segment has one row; a kind made of several segments, such as a lawn-mower, has several.
+        A segment has one row; a type made of several segments, such as a lawn-mower, has several.
 
         Raises:
           MissionError: a segment exceeds the vehicle's abilities, or a target is in degrees.

@@ -1,8 +1,8 @@
 """Condition: the vehicle at each time of a run, written into a compiled model; electric signals.
 
 Faults turn a vehicle's parameters into a table over time, whose rows are conditions. An engine
-applies each row from its time on: to the numbers of MuJoCo's model, or to the rows of a block.
-The functions that write the start of a run into MuJoCo's model and data are here too.
+applies each row from the row's time on, to MuJoCo's model or to the rows of a block. Functions that
+write the start of a run into MuJoCo's model and data are here too.
 
 Electric signals are the readings of a vehicle's charge counter, voltmeter and vacuum gauge.
 """
@@ -19,7 +19,13 @@ import numpy as np
 
 from twin.faults.base import Condition, Fault, conditions
 from twin.frames import euler_to_quaternion, flip_quaternion, flip_vector, quaternion_to_matrix
-from twin.mission.mission_file import DEPTH_OFFSET, ECHOES_LOST, IRON_COSINE, IRON_SINE
+from twin.mission.mission_file import (
+    COMPASS_OFFSET,
+    DEPTH_OFFSET,
+    ECHOES_LOST,
+    IRON_COSINE,
+    IRON_SINE,
+)
 from twin.numbers import Array
 from twin.physics.model_block import (
     RUN_TABLES,
@@ -43,7 +49,7 @@ if TYPE_CHECKING:
 
 BODY = ("vehicle", "volume", "zeros")
 """Fields of a condition on which the body's motion depends."""
-INSTRUMENTS = ("iron", "depth_offset", "echoes_lost")
+INSTRUMENTS = ("iron", "compass_offset", "depth_offset", "echoes_lost")
 """Fields of a condition with the errors of the instruments that guidance reads."""
 REST_VOLTAGE, EMPTY_VOLTAGE = 15.0, 12.5
 """[V] Voltage of a fresh and of an empty lithium pack, from gliders' logs."""
@@ -68,13 +74,13 @@ SEA_LEVEL = 101_325.0
 def stagger(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Move the velocities back by half a step, to the time at which a time-centred run stores them.
 
-    Evaluates the forward dynamics once, then clears `userdata`, so guidance and log begin again.
+    This evaluates the forward dynamics once and clears `userdata`: guidance and log begin again.
     """
     command = data.ctrl.copy()
     mujoco.mj_forward(model, data)
     mass = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, mass)
-    # the screws hold the battery, so it moves with the hull
+    # the battery's screws hold it, so it moves with the hull
     change = np.linalg.solve(mass[:6, :6], data.qfrc_smooth[:6]) * model.opt.timestep
     data.qvel[:6] -= 0.5 * change
     data.ctrl[:], data.userdata[:] = command, 0.0
@@ -108,7 +114,7 @@ def apply_real_vehicle(
     """Put the ballasting and the encoders' zero errors of a vehicle into its model.
 
     Args:
-      density: of the water that the ballast is for. encoder_zeros: by part, in the parts' units.
+      density: density of the ballast's water. encoder_zeros: true positions at a reading of 0.
     """
     head, rows = header(model), part_table(model)
     if ballast is not None:
@@ -117,7 +123,7 @@ def apply_real_vehicle(
     for name, zero in encoder_zeros.items():
         index = vehicle.part_names.index(name)
         if index in driven:
-            # at the encoder's zero the joint then sits at the offset
+            # the joint is at the offset when its encoder reads 0
             model.qpos0[driven[index]] -= zero
         else:
             rows[index]["zero"] = zero
@@ -147,16 +153,17 @@ def healthy(scenario: Scenario) -> Condition:
         volume=volume,
         zeros=scenario.encoder_zeros,
         consumption=Consumption.of(vehicle),
+        compass_offset=scenario.compass_offset if scenario.mission is not None else 0.0,
     )
 
 
 def become(model: mujoco.MjModel, before: Vehicle, zeros: Array, condition: Condition) -> None:
     """Change a compiled model to match a condition, in the middle of a run or at its start.
 
-    The tables of the run, the log and the state of the simulation stay.
+    The run's tables, log and state stay unchanged.
 
     Args:
-      before: the vehicle that the model was compiled for.
+      before: vehicle that the model was compiled for.
       zeros: `qpos0` of the model as compiled, shape (nq,).
     """
     vehicle, head = condition.vehicle, header(model)
@@ -184,6 +191,7 @@ def become(model: mujoco.MjModel, before: Vehicle, zeros: Array, condition: Cond
 def write_instruments(gains: Array, condition: Condition) -> None:
     """Write the errors of guidance's instruments into its gains, shape (GAINS,)."""
     gains[IRON_SINE], gains[IRON_COSINE] = condition.iron
+    gains[COMPASS_OFFSET] = condition.compass_offset
     gains[DEPTH_OFFSET], gains[ECHOES_LOST] = condition.depth_offset, condition.echoes_lost
 
 

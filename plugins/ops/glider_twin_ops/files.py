@@ -2,7 +2,7 @@
 
 Lines that begin with a slash are comments. Commands, in `cmdfile`: a line for each parameter,
 `$NAME,VALUE`, and at the end a directive: `$GO` goes on, `$RESUME` dives, `$QUIT` stays at the
-surface. Names, kinds and limits of the parameters are those of the public package basestation3;
+surface. Names, types and limits of the parameters are those of the public package basestation3;
 their meaning is in the Parameter Reference Manual, Applied Physics Laboratory, University of
 Washington, v66.12:
 
@@ -40,8 +40,8 @@ from twin.mission import SteadyGlide, degrees, degrees_minutes, steady_glide, wa
 
 TARGETS = "targets"
 TARGET_KEYS = ("lat", "lon", "radius", "goto")
-TARGET_OPTIONS = ("escape", "depth", "finish", "timeout")
-"""Keys for other ends of a leg, by depth, line or time, which the mission does not have"""
+LEG_ENDS = ("escape", "depth", "finish", "timeout")
+"""Keys for other ends of a leg, by depth, line or time, which a mission does not have"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -60,7 +60,7 @@ def targets_of(mission: Mission) -> tuple[SeagliderTarget, ...]:
     """Targets T1, T2, ... of a mission to waypoints; the vehicle stays at the last.
 
     Raises:
-      MissionError: another kind of mission, or places that are relative to the start.
+      MissionError: another type of mission, or places that are relative to the start.
     """
     segment = waypoints_of(mission, "targets of a Seaglider")
     count = len(segment.targets)
@@ -115,9 +115,9 @@ def read_targets(path: str | Path) -> tuple[SeagliderTarget, ...]:
 def _target(where: str, line: str) -> SeagliderTarget:
     name, *words = line.replace("= ", "=").split()
     values = dict(word.partition("=")[::2] for word in words)
-    every = TARGET_KEYS + TARGET_OPTIONS
-    if odd := [key for key in values if key not in every]:
-        raise MissionError(f"{where}: {odd[0]!r} is not one of {', '.join(every)}")
+    if odd := [key for key in values if key not in TARGET_KEYS]:
+        why = ": no mission here has such an end of a leg; leave it out" * (odd[0] in LEG_ENDS)
+        raise MissionError(f"{where}: {odd[0]!r} is not one of {', '.join(TARGET_KEYS)}{why}")
     for key in TARGET_KEYS:
         if not values.get(key):
             raise MissionError(f"{where}: {name} has no {key}=")
@@ -157,7 +157,7 @@ def commands_of(mission: Mission, vehicle: Vehicle) -> dict[str, float]:
     """Parameters of the dives of a mission to waypoints.
 
     Raises:
-      MissionError: another kind of mission, a climb that differs from the dive, a glide that the
+      MissionError: another type of mission, a climb that differs from the dive, a glide that the
         vehicle cannot hold, or a value beyond a Seaglider's limits.
     """
     segment = waypoints_of(mission, "commands of a Seaglider")
