@@ -59,8 +59,9 @@ def velocity_rows(evaluation: Figures) -> list[Row]:
 
 def printed_row(paper: Mapping[str, float]) -> Row:
     """Row of `velocity_rows` with the paper's errors, `PAPER` or `PAPER_PROPELLED`."""
+    conditions = " (ideal sensors, nominal vehicle)" if paper is PAPER else ""
     return {
-        "method": "the paper's networks, as printed",
+        "method": f"the paper's networks, as printed{conditions}",
         "surge MSE [(m/s)²]": paper["surge_mse"],
         "sway MSE [(m/s)²]": paper["sway_mse"],
     }
@@ -72,7 +73,10 @@ def paper_sentence(paper_test: Figures) -> str:
         f"surge {found['surge_mse']:.1e}, sway {found['sway_mse']:.1e}"
         for found in (paper_test, PAPER)
     )
-    return f"The paper's test: MSE {ours} (m/s)². The paper prints {theirs} of its own networks."
+    return (
+        f"The paper's test, nominal vehicle and the store's sensors: MSE {ours} (m/s)². The paper "
+        f"prints {theirs} of its own networks, with ideal sensors."
+    )
 
 
 def track_rows(evaluation: Figures, track: str) -> list[Row]:
