@@ -238,7 +238,7 @@ def _draw_locks(axes: Axes, data: Sampled, name: str, label: str) -> None:
 
 
 DRAW = {"sensor errors": _draw_error, "Doppler log": _draw_doppler, "locks": _draw_locks}
-"""Functions that draw a panel, by its kind; all other kinds are histograms of a signal."""
+"""Functions that draw a panel, by its type; all other types are histograms of a signal."""
 
 
 def _histograms(axes: Axes, values: Mapping[str, Array], label: str) -> None:

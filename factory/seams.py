@@ -1,6 +1,6 @@
-"""Extension points of the factory: registries of log formats and export formats.
+"""Extension points of the factory: log formats and export formats.
 
-Each registry maps the name of a format to the module that implements it; plugins add their own.
+Each maps the names of its types to the modules that implement them; plugins add types of their own.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ IMPORTERS: Registry[Any] = Registry(
     group="glider_twin.importers",
     folder="factory/importing/formats",
     base="factory.importing.Importer",
-    page="howto/import_tables.md#a-kind-of-log-of-your-own",
+    page="howto/import_tables.md#a-type-of-log-of-your-own",
     shipped={
         "slocum": "factory.importing.formats.base:SLOCUM",
         "seaglider": "factory.importing.formats.base:SEAGLIDER",

@@ -72,7 +72,7 @@ COMPLETE = frozenset({"measured_gap", *WITH_DEPTH})
 """Logged signals without NaN, because the import interpolates gaps and marks them"""
 CODES = {"measured_gap": (0.0, 1.0), "measured_phase": (0.0, 1.0, 2.0, 3.0)}
 OFFSET_TOLERANCE = 0.02, 2.0
-"""[1], [m] Tolerance of displacements: fraction of the distance of the fixes, and a lower bound"""
+"""[1], [m] Tolerance of displacements: fraction of the distance of the fixes; least tolerance"""
 
 
 def verify_store(
@@ -139,7 +139,7 @@ def _check_layout(
     stored: MissionStore, what: str, lasting: str, check: StoreCheck, *, least: int = 1,
     slack: float = 0.0,
 ) -> None:  # fmt: skip
-    """Check units, the time axis to `slack` [s], and each mission's samples by its duration."""
+    """Check units, time axis (within `slack` [s]), and samples by the array `lasting` [s]."""
     for name in stored.signals():
         units, wanted = stored.dataset[name].attrs.get("units"), VARIABLES[name].units
         check.expect(units == wanted, f"{name}: units {units!r}, not {wanted!r}")
@@ -195,7 +195,7 @@ def _check_parameters(run: GeneratedStore, check: StoreCheck) -> None:
 
 
 def drawn_otherwise(run: GeneratedStore, recipe: Recipe, mission: int, stored: Parameters) -> str:
-    """Describe the first parameter that seed, number and attempt do not give; empty if none."""
+    """Describe the first stored parameter that differs from its value sampled again, else empty."""
     attempt = run.attempt(mission)
     try:
         drawn = recipe.parameters(mission, attempt)

@@ -35,8 +35,8 @@ Adapting = Literal["none", "dvl"]
 """Velocities to fit: the vertical velocity from depth alone, or also a Doppler log's water track"""
 LOG_CHANNELS = tuple(f"measured_dvl_{name}" for name in ("surge", "sway", "heave", "mode"))
 FIXES = ("measured_gps_north", "measured_gps_east")
-NOT_IDENTIFIED_BY = frozenset(CHANNELS) - frozenset(NEEDED)
-"""Channels that only the flight filter needs, not `twin identify`: rates, accelerations, density"""
+FILTER_ONLY = frozenset(CHANNELS) - frozenset(NEEDED)
+"""Channels that only the flight filter reads, not `twin identify`: rates, accelerations, density"""
 
 
 def adapt(
@@ -61,8 +61,8 @@ def adapt(
       overwrite: replace a run in `folder`.
 
     Returns:
-      The new run and the fit. If the vehicle file's constants predict the held-back dives better,
-      the new run behaves like the original.
+      The new run and the fit, which is judged on dives that were left out of it. If the vehicle
+      file's constants predict these better, the new run behaves like the original.
 
     Raises:
       InputError: the networks do not read the flight filter, or the dives do not suffice.
@@ -106,7 +106,7 @@ def first_glides(
     with MissionStore(store) as reader:
         wanted += [name for name in FIXES if name in reader]
     found: list[Glides] = []
-    with Selection(store, wanted, period=run.period, advise=instead) as selection:
+    with Selection(store, wanted, period=run.period, advise=advice_on) as selection:
         assert selection.vehicle is not None  # estimated channels are among the wanted
         flight = FlightFilter(selection.vehicle, run.period, run.spread)
         rows = selection.rows.tolist()
@@ -121,7 +121,7 @@ def first_glides(
     return found
 
 
-def instead(channels: Iterable[str]) -> str:
+def advice_on(channels: Iterable[str]) -> str:
     """Advice for an error about missing channels; empty if only a more complete log helps.
 
     Networks without these inputs are no alternative: they do not read the flight filter.
@@ -129,7 +129,7 @@ def instead(channels: Iterable[str]) -> str:
     lost = set(channels)
     if lost <= set(LOG_CHANNELS):
         return ", or adapt by the depth rate alone: `--labels none`"
-    if lost - set(LOG_CHANNELS) <= NOT_IDENTIFIED_BY:
+    if lost - set(LOG_CHANNELS) <= FILTER_ONLY:
         return (
             ". The flight filter, through which a run adapts, reads it; `twin identify` fits a "
             "glider's parameters without it"

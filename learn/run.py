@@ -319,19 +319,19 @@ class Run:
 
     @property
     def figures(self) -> dict[str, Any] | None:
-        """Figures of the evaluation, as `learn evaluate --json` prints them; None before it.
+        """Numbers of the evaluation, as `learn evaluate --json` prints them; None before it.
 
         Raises:
-          StoreError: the file is damaged, or lacks a figure (named).
+          StoreError: the file is damaged, or lacks a number (named).
         """
         return self._evaluated(EVALUATION)
 
     @property
     def paper_figures(self) -> dict[str, Any] | None:
-        """Figures on the paper's test by name; None if it was not flown (`learn.finishing`).
+        """Numbers on the paper's test by name; None if it was not flown (`learn.finishing`).
 
         Raises:
-          StoreError: the file is damaged, or lacks a figure (named).
+          StoreError: the file is damaged, or lacks a number (named).
         """
         return self._evaluated(PAPER_TEST)
 

@@ -142,7 +142,7 @@ def evaluate_own(
 ) -> RunEvaluation:
     """Evaluate a run on all stores that it was trained on; errors as in `evaluate`.
 
-    The figures are over the missions of all stores; if there are several, `stores` has each one's
+    The numbers are over the missions of all stores; if there are several, `stores` has each one's
     by its path. The missions to draw are the first store's.
 
     Args:
@@ -176,7 +176,7 @@ def judge(run: Run, split: str, watch: Watch | None = None, limit: int | None = 
 
 
 class Hulls:
-    """Out-of-distribution scores of missions' hulls; pass `add` to `evaluate` as a watch."""
+    """Out-of-distribution scores of missions' hulls; `add` is a callback for `evaluate`."""
 
     def __init__(self, familiar: Familiarity, flight: FlightFilter) -> None:
         self._familiar, self._flight = familiar, flight

@@ -1,6 +1,6 @@
-"""Seams: registries of the extension points of `learn`, which are networks and optimisers.
+"""Extension points of `learn`: networks and optimisers.
 
-A registry maps a name to the module and class that it imports on first use, so torch loads late.
+Each maps names to modules and classes and imports them on first use, so that torch loads late.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ OUT_OF_RECORDS = ("identify", "pictures", "exporting", "data")
 
 @dataclasses.dataclass(frozen=True)
 class Seam:
-    """Extension point: a registry that others can add classes or objects to."""
+    """Extension point, to which others can add types: classes or objects."""
 
     what: str
     folder: str

@@ -212,7 +212,7 @@ def limits(name: str) -> str:
 
 
 def present(name: str) -> str:
-    """Kinds of stores that hold a signal."""
+    """Types of stores that hold a signal."""
     sets = (("logs", schema.LOGGED_ONLY), ("CTD", schema.HYDROGRAPHY),
             ("sea floor", schema.WITH_FLOOR))  # fmt: skip
     word = next((word for word, names in sets if name in names), "all")
@@ -220,7 +220,7 @@ def present(name: str) -> str:
 
 
 def part_section(vehicles: Mapping[str, Vehicle]) -> str:
-    """Section on the channels of vehicle parts, by kind and by shipped vehicle."""
+    """Section on the channels of vehicle parts, by type and by shipped vehicle."""
     kinds = [
         (f"`{kind}`", STORED_UNITS.get(PARTS[kind].unit, PARTS[kind].unit))
         for kind in PARTS.shipped()

@@ -48,7 +48,7 @@ AREAS = {
     "twin.lazy": "For plugins",
     "twin.numbers": "For plugins",
     "twin.registry": "For plugins",
-    "twin.seams": "Kinds of your own",
+    "twin.seams": "Types of your own",
     "twin.control.registry": "Tasks",
     "twin.control": "Environments",
     "factory": "Data factory",
@@ -56,7 +56,7 @@ AREAS = {
     "learn.adaptation": "Train and judge",
     "learn.run": "Train and judge",
     "learn.training.fit_config": "Train and judge",
-    "learn": "Kinds of your own",
+    "learn": "Types of your own",
 }
 """Headings of names, by the module that defines them; the first match counts"""
 

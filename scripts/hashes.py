@@ -97,7 +97,7 @@ def flights() -> Values:
 
 
 def currents() -> Values:
-    """Sample each kind of current at a thousand points of time and space."""
+    """Sample each type of current at a thousand points of time and space."""
     from twin.water.current import parse_current
 
     chance = np.random.default_rng(5)
@@ -173,7 +173,7 @@ def _exported(path: Path, folder: str) -> Any:
 
 
 def networks() -> Values:
-    """Train each kind of network for two passes."""
+    """Train each type of network for two passes."""
     import factory
     import learn
 

@@ -320,7 +320,7 @@ def doubled(places):
 
 
 def test_few_files_share_a_name():
-    """A kind's name in two seams, a seam's base, a command named as what it does; little else."""
+    """A type's name in two extension points, a base, a command named as its function; few more."""
     files = [(path.name, module) for module, path in modules().items()]
     found = doubled(one for one in files if one[0] not in ("__init__.py", "__main__.py"))
     assert len(found) < MOST_DOUBLED_FILES, found

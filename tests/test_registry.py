@@ -1,4 +1,4 @@
-"""Registries: lazy, checked, open to a user's own kinds; every shipped kind is complete."""
+"""Extension points: lazy, checked, open to users' own types; every shipped type is complete."""
 
 import ast
 import dataclasses
@@ -36,7 +36,7 @@ REGISTRIES = [row for table in TABLES for row in vars(table).values() if isinsta
 every_registry = pytest.mark.parametrize("registry", REGISTRIES, ids=lambda r: r.noun)
 
 
-# --- every seam -------------------------------------------------------------------------------
+# --- every extension point ----------------------------------------------------------------------
 
 
 @every_registry
@@ -442,19 +442,19 @@ def test_every_task_is_on_its_page():
     assert blocks("docs/howto/dm_control.md")
 
 
-# --- Every kind that lies in a seam's folder is in the seam's table, or nobody could name it
+# --- Every type in the folder of an extension point is in its row, or nobody could name the type
 
 
 NO_KINDS = {
     "twin.water.current.base:CurrentSum": "a sum of kinds, which the sampler adds up",
     "twin.water.current.tabulated:Tabulated": "a function's table, which flies as a grid",
 }
-"""Classes derived from a seam's base that are no kind of their own, and why"""
+"""Classes derived from the base of an extension point that are no types, and why"""
 SEAMS = script("architecture").seams()
 
 
 def base_of(seam):
-    """The class or protocol that all kinds of a seam share."""
+    """The class or protocol that all types of an extension point share."""
     return imported(":".join(seam.base.rsplit(".", 1)))
 
 
@@ -491,7 +491,7 @@ def unregistered(modules, base, table):
 
 
 def modules_of(folder):
-    """The modules of a seam's folder and of the folders in it."""
+    """The modules of an extension point's folder and of the folders in it."""
     files = sorted((ROOT / folder).rglob("*.py"))
     names = (".".join(path.relative_to(ROOT).with_suffix("").parts) for path in files)
     wanted = (name.removesuffix(".__init__") for name in names if not name.endswith("__main__"))

@@ -106,7 +106,7 @@ def simulate(
       The trajectory: a mapping of signals in NED and FRD, angles in degrees.
 
     Raises:
-      InputError and its kinds: a name or value that cannot be used; nothing was flown.
+      InputError and its subclasses: a name or value that cannot be used; nothing was flown.
       SimulationUnstable: with the trajectory up to that time as `partial`.
     """
     given = dict(locals())
@@ -186,7 +186,7 @@ def scenario_of(
       commanded: a controller will give the commands, so that no mission is taken by default.
 
     Raises:
-      InputError and its kinds: a name or value that cannot be used.
+      InputError and its subclasses: a name or value that cannot be used.
     """
     suite = _suite(sensors, seed)
     navigation = Navigation.of(navigate)

@@ -1,6 +1,6 @@
 """Plugins: a user's own types, from files that an environment variable names or entry points.
 
-A type is a class, function or object that a registry holds by name. Each process runs the files
+A type is a named class, function or object of an extension point. Each process runs the files
 once, before its first lookup of a name. A place says where a type is defined, as `module:Name`.
 
 Entry points offer types and commands of installed distributions. The plugins of this project,

@@ -1,7 +1,7 @@
 """Registry: the types of one extension point by name: shipped, registered, or from entry points.
 
 Each type is imported when its name is first looked up. Shipped types are known by their import
-place (`twin.seams`); an installed distribution adds types under the registry's entry-point group:
+place (`twin.seams`). An installed distribution adds types under the group of entry points:
 
     [project.entry-points."glider_twin.sensors"]
     turbidity = "my_package.turbidity:Turbidity"

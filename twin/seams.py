@@ -1,4 +1,4 @@
-"""Extension points: one registry for each sort of type, with the shipped names and their places."""
+"""Extension points of `twin`: names and import places of the shipped types of each."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ CURRENTS: Registry[Any] = Registry(
     group="glider_twin.currents",
     folder="twin/water/current",
     base="twin.water.current.Current",
-    page="reference/currents.md#a-kind-of-your-own",
+    page="reference/currents.md#a-current-of-your-own",
     shipped={
         "uniform": "twin.water.current.profile:Uniform",
         "profile": "twin.water.current.profile:Profile",

@@ -1,6 +1,6 @@
 """Base of the exporters: the class `Exporter`, which describes one format and names its writer.
 
-The registry of exporters holds their names for the command line.
+`EXPORTERS` holds the exporters' names for the command line.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Advance = Callable[[], object]
 
 
 def no_progress() -> None:
-    """Do nothing, for callers that show no progress."""
+    """Do nothing: the `Advance` of callers that show no progress."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -68,12 +68,12 @@ class Exporter:
     title: str
     """Description of the output, in a few words for help texts and documents."""
     ending: str
-    """Ending after the store's name if the user names no target: `.parquet`, `-og1`. An ending
-    that begins with a dot makes a file, another one a folder."""
+    """Ending after the store's name if the user names no target: `.parquet`, `-og1`. With an ending
+    that begins with a dot the target is a file, else a folder."""
     write: Writer | str
-    """Writer, or its place `module:function`, which is imported when it writes."""
+    """Writer, or its place `module:function`, which is imported at the first export."""
     takes: tuple[str, ...] = ()
-    """Names of `ExportOptions` that the format takes; with any, `write` has a fifth argument."""
+    """Names of `ExportOptions` that the format takes; if any, `write` has a fifth argument."""
     extra: str | None = None
     """Extra of this project, or `plugins/NAME`, with the packages that writing needs."""
 
@@ -96,7 +96,7 @@ class Exporter:
 
     @property
     def target(self) -> str:
-        """Kind of target: file or folder."""
+        """Type of target: file or folder."""
         return "file" if self.ending.startswith(".") else "folder"
 
     def default_path(self, store: StorePath) -> Path:
@@ -119,7 +119,7 @@ class Exporter:
         """Write missions after checks of the store; the export is whole or absent.
 
         Args:
-          overwrite: replace an earlier export, which stays until the new one is whole.
+          overwrite: replace an earlier export, which stays until the new export is whole.
 
         Raises:
           StoreError: no such mission, or its data cannot be read.

@@ -1,8 +1,8 @@
 """ERDDAP data set: OG1.0 files, and the `datasets.xml` with which a server serves them.
 
-Each file is one table with a row for each sample; values held once are repeated. All its variables
-are served. Names and rules are those of "Working with the datasets.xml File", the manual of
-ERDDAP's administrators (EDDTableFromMultidimNcFiles; cdm_data_type Trajectory; ioos_category).
+Each file is one table with a row for each sample; a file's single values are repeated in each row.
+All variables are served. Names and rules are those of "Working with the datasets.xml File", the
+manual of ERDDAP's administrators (EDDTableFromMultidimNcFiles, cdm_data_type, ioos_category).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 CHUNK = "datasets.xml"
 DAY = "1440"
-"""[minute] Time after which a server reads the files again."""
+"""[minute] Interval at which a server reads the files again."""
 REMOVED = "null"
 """Value with which ERDDAP leaves out an attribute of a file."""
 SPECIAL = {"TIME": "time", "LONGITUDE": "longitude", "LATITUDE": "latitude", "DEPTH": "depth"}
@@ -30,11 +30,11 @@ SPECIAL = {"TIME": "time", "LONGITUDE": "longitude", "LATITUDE": "latitude", "DE
 TYPES = {"float64": "double", "float32": "float", "int32": "int", "int8": "byte"}
 """ERDDAP's data types, by numpy's; text is String."""
 LARGEST_BYTE = "127"
-"""Value of bytes that ERDDAP takes as missing."""
+"""Value of a byte variable that ERDDAP takes as missing."""
 MILLISECONDS = "1970-01-01T00:00:00.000Z"
 """Layout in which times are written; without it ERDDAP cuts off fractions of seconds."""
 ABOUT = ("infoUrl", "creator_url", "publisher_url", "references")
-"""Attributes that may be the address of a page about a file, the preferred first."""
+"""Attributes that may hold the address of a page about a file, in order of preference."""
 ADDRESS, ABSOLUTE = r"https?://[!-~]+", r"(/|[A-Za-z]:[\\/]).*"
 """Patterns of a page's address, and of an absolute path of Unix or Windows."""
 CATEGORIES = (
@@ -98,7 +98,7 @@ def dataset(
       name: datasetID, which addresses contain.
       pattern: Java regular expression of the names of all its files.
       options: options with the server's folder.
-      many: True if the files are of several missions, so that no mission's name is its own.
+      many: True if the data set has several missions, so that no mission's name is its title.
     """
     import netCDF4
 

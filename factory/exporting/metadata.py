@@ -20,7 +20,7 @@ from twin.records.reader import MissionStore
 MOST_DEPTH = 32
 """Most sections inside each other in a metadata file; pyglider's has 3."""
 MOST_REFERENCES = 8
-"""Most references (*name) in a metadata file; each can double the one before."""
+"""Most references (*name) in a metadata file; each can double the values before it."""
 
 GLOBAL = ("metadata", "global")
 DEVICES = ("glider_devices", "sensors")
@@ -35,7 +35,7 @@ OWN = frozenset(
         "glider_instrument_name", "deployment_start", "deployment_end",
     }
 )  # fmt: skip
-"""Attributes that the export itself knows, or that have a variable of their own."""
+"""Attributes that are ignored: the export sets them itself, or has a variable for them."""
 SPELT = {"acknowledgment": "acknowledgement"}
 INSTRUMENTS = {
     "SENSOR_CTD": ("ctd",),
@@ -70,7 +70,7 @@ class Metadata:
 
 
 def metadata_for(run: MissionStore, given: Path | None) -> Metadata:
-    """Find metadata: in the given file, else beside the store, else in the store; or none.
+    """Find metadata: in the given file, else beside the store, else in the store; empty if none.
 
     Raises:
       InputError: the file cannot be read or has another layout.
@@ -132,7 +132,7 @@ def parse_metadata(text: str, path: str) -> Metadata:
 
 
 def _refuse_bombs(events: Iterable[Any], path: str) -> None:
-    """Refuse a text whose references or nesting would make values grow without end."""
+    """Raise InputError for a text whose references or nesting could fill the memory."""
     depth = references = 0
     for event in events:
         kind = type(event).__name__

@@ -90,7 +90,7 @@ class FailedAttempt(NamedTuple):
     attempt: int
     reason: str
     time_s: float | None
-    """[s] Time at which the simulation lost finite values; None if it never started"""
+    """[s] Time of the first value that was not finite; None: the simulation never started"""
 
 
 class FlownMission(NamedTuple):
@@ -173,7 +173,7 @@ def constant_attributes(name: str, unit: str) -> dict[str, Any]:
 
 
 def option_names(recipe: Recipe, name: str) -> tuple[str, ...]:
-    """Return the words that a parameter can have; stores keep a word's position as integer."""
+    """Return the words that a parameter can have; stores keep the index of a word."""
     if name == "mission.kind":
         return kinds_for(recipe.vehicle)
     distribution = recipe.distributions[name]
@@ -243,7 +243,7 @@ def read_marker(job: Job, number: int) -> Marker | None:
 
 def finished(job: Job, number: int, sizes: Mapping[str, int] | None = None) -> Marker | None:
     """Return the marker of a shard if all its files are in the tree with the right size, else None.
-    `sizes` are those of the files in the tree; None lists them."""
+    `sizes`: sizes of the files in the tree by name; None: list the tree."""
     found = read_marker(job, number)
     if found is None:
         return None
@@ -252,8 +252,8 @@ def finished(job: Job, number: int, sizes: Mapping[str, int] | None = None) -> M
 
 
 def complete(job: Job) -> None:
-    """Write all parts of a store except its shards, from the markers. The records of all missions,
-    some kB each, are in memory meanwhile.
+    """Write everything in a store except its shards, from the markers. Meanwhile the records of all
+    missions, some kB each, are in memory.
 
     Raises:
       StoreError: a shard is missing. OSError: the disk refuses.

@@ -1,8 +1,8 @@
 """Executors: a pool of processes on this machine, or a dask cluster, to fly missions in parallel.
 
 Processes are forked if the system can fork, because a fresh interpreter needs seconds to import and
-compile the code again. A worker ignores Ctrl-C, which its parent handles, and ends when the parent
-dies, unlike a worker of the standard pool.
+compile the code again. A worker ignores Ctrl-C, which its parent handles. Unlike a worker of the
+standard pool, it ends when its parent dies.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def local_pool(workers: int, *, fork: bool = True) -> Iterator[ProcessPoolExecut
 
 
 def _prepare_worker() -> None:
-    """Prepare a new worker: close inherited locks, set signals, and watch the parent."""
+    """Prepare a new worker: close inherited locks, set signal handlers, watch the parent."""
     close_locks()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN if number == signal.SIGINT else signal.SIG_DFL)

@@ -121,7 +121,7 @@ class GeneratedStore(MissionStore):
         If libraries have other versions now, the last bits of a result may differ.
 
         Raises:
-          StoreError: the recipe is damaged, or this program would make another store from it.
+          StoreError: the recipe is damaged, or this program would sample or fly it differently.
         """
         own = self.settings["distributions"]
         older = {name: text for name, text in ADDED.items() if name not in own}

@@ -4,7 +4,7 @@ Steps that make a store:
 
 - Plan. The recipe gives the duration of each mission. The recipe and a mission's number alone
   decide the mission's bytes. `Layout` groups the missions into shards.
-- Workers. Any worker flies any shard, in any order, even twice; no coordination is needed.
+- Workers. Any worker can fly any shard, in any order, even twice, without coordination.
 - Shard. A worker flies the shard's missions and puts a file of each signal into the tree of the job
   (`fly_shard`).
 - Marker. The worker then writes the shard's marker. A run flies only shards without a marker, so a
@@ -60,7 +60,7 @@ class Summary:
     hours: float
     """[h] Simulated time of all missions in the store"""
     flown: int
-    """Number of missions that this run flew; the others existed already"""
+    """Number of missions that this run flew; all others were finished before"""
     flown_hours: float
     """[h] Simulated time of the missions that this run flew"""
     failed: int
@@ -136,7 +136,7 @@ def generate(
 
 @contextlib.contextmanager
 def reported(store: StorePath) -> Iterator[None]:
-    """Translate errors of a disk or storage to a StoreError that says how to continue."""
+    """Turn errors of a disk or storage into a StoreError that says how to continue."""
     try:
         yield
     except OSError as error:

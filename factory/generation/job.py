@@ -1,8 +1,8 @@
 """Job: a recipe and the path of its store, which every worker process receives.
 
-Beside the store `NAME` lies the folder `NAME.generating`. It has a folder for each recipe's hash,
-with the recipe, a marker of every finished shard, and `tree`, which becomes the store in one
-rename. So NAME exists only once the store is complete, and files of different recipes never mix.
+Beside the store `NAME` lies the folder `NAME.generating`. Each recipe has a folder there, named by
+the recipe's hash, with the recipe, a marker of every finished shard, and `tree`, which becomes the
+store in one rename. So NAME exists only if the store is complete, and recipes never mix.
 
 An object storage has no rename. There the tree grows under the store's own name, and the store is
 complete when its `zarr.json` exists, which is written last. An object storage has no locks either.

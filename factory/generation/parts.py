@@ -1,4 +1,4 @@
-"""Parts: make one store with many independent commands, such as the tasks of a job array.
+"""Parts of a generation: one store by many independent commands, such as tasks of a job array.
 
 Part i of n flies every n-th shard. Parts may run at once, one after the other or twice, on machines
 that share a file system or an object storage.

@@ -34,14 +34,14 @@ from twin.records.storage.store_path import check_addresses
 def expand(
     importer: Importer, paths: Sequence[Path], tally: Tally, *, recursive: bool = False
 ) -> list[Path]:
-    """List the named files, and the kind's files in the named folders; in folders below on request.
+    """List the named files, and the type's files in the named folders; in folders below on request.
 
-    A file that is named twice is read once, counted. Unreadable files, and another kind's files in
+    A file that is named twice is read once, counted. Unreadable files, and another type's files in
     a folder, are left out and reported.
 
     Raises:
       InputError: no such file, a folder without logs, or no file that can be read.
-      WrongFormat: a named file is of another kind by the names in it, or all files are.
+      WrongFormat: a named file is of another type by the names in it, or all files are.
     """
     check_addresses(paths)
     files: list[Path] = []
@@ -150,7 +150,7 @@ _SUGGESTED = 3
 
 
 def _hint_kind(files: Sequence[Path]) -> str:
-    """Hint for an error: the kind of the first file that looks like a log."""
+    """Hint for an error: the type of the first file that looks like a log."""
     for path in files:
         try:
             kind = sniff(path) if path.stat().st_size else None
@@ -164,10 +164,10 @@ def _hint_kind(files: Sequence[Path]) -> str:
 
 
 def _check_contents(importer: Importer, path: Path) -> None:
-    """Refuse a file in a container that the kind never uses, or with the names of another kind.
+    """Refuse a file in a container that the type never uses, or with the names of another type.
 
     A file that is neither a table nor netCDF is the vehicle's own binary file. Its first bytes show
-    its kind, or its reader judges it.
+    its type, or its reader judges it.
     """
     begins = kinds_by_bytes(path)
     if begins:
@@ -191,7 +191,7 @@ def _check_contents(importer: Importer, path: Path) -> None:
         others = [n for n in IMPORTERS.names() if len(IMPORTERS[n].marks & set(names)) <= own]
     elif own or importer.takes_mapping or endings is TABLES or takes(importer, path):
         return
-    else:  # no name in the file marks a single kind
+    else:  # no name in the file marks a single type
         others = [importer.name]
     kind = kind_that_takes(path, names, arrays=endings is ARRAYS, others=others)
     if kind is not None:

@@ -1,7 +1,7 @@
 """Plausibility: signs and scales of a log compared with how gliders move.
 
-A glider sinks nose down and rises nose up, with more volume than it sinks with. Its speed exceeds
-its sensors' noise and stays below what a thruster reaches. Contradictions are reported.
+A glider sinks nose down, and rises nose up with more volume than in the descent. Its speed exceeds
+the noise of its sensors and stays below the speed of a thruster. Contradictions are reported.
 
 `unreachable` finds samples that no vehicle could reach from the rest of its log. `lone_zeros` and
 `stale` find what a restarted pressure sensor writes before its first measurement. `DiveRules` holds
@@ -25,13 +25,13 @@ _BELOW = 5.0
 _MOVING = 0.04
 """[m/s] Least vertical speed of a glide."""
 _ENOUGH = 20
-"""Fewest samples that allow a judgement, of descent and of climb."""
+"""Fewest samples of the descent, and as many of the climb, that allow a judgement."""
 FASTEST, SLOWEST = 2.0, 0.04
 """[m/s] Limits of a glider's speed along its pitch; usual are 0.2 to 0.6."""
 _STEEP = 8.0
 """[degree] Least pitch at which the vertical speed gives the speed along the pitch."""
 _ROLLED = 45.0
-"""[degree] Largest roll that a glider can exceed for half of its time under water."""
+"""[degree] Largest plausible median of a glider's roll under water, without its sign."""
 
 
 def vertical_speed(depth: Channel) -> Array:
@@ -55,7 +55,7 @@ def speed_along_pitch(depth: Channel, pitch: Channel) -> float:
 
 
 _AGREE = 0.9
-"""Least fraction of moving samples whose pitch has one sign relative to the motion."""
+"""Least fraction of moving samples with nose down in descents, or else with nose up in them."""
 
 
 def sinks_in_radian(time: Array, depth: Array, pitch: Array) -> bool | None:
@@ -104,7 +104,7 @@ def check_signs(log: DeploymentLog, tally: Tally) -> None:
         usual = float(np.median(np.abs(roll.at(depth.time[rolled]))))
         if usual > _ROLLED:
             doubt("measured_roll", f"rolls by {usual:.0f} degree: wrong unit or column")
-    # while the vehicle's computer is silent its signs are unknown
+    # gaps of pitch and pump are left out: their signs are unknown while the computer is silent
     known = below & (pitch or pump).covers(depth.time)
     down, up = known & (rate > _MOVING), known & (rate < -_MOVING)
     if min(down.sum(), up.sum()) < _ENOUGH:
@@ -128,7 +128,7 @@ def check_signs(log: DeploymentLog, tally: Tally) -> None:
 _BESIDE = 2
 """Number of samples on either side of a cut that can be removed one by one."""
 _BACK = 200
-"""Number of earlier pieces that a piece can follow; bad stretches have fewer pieces."""
+"""Number of earlier pieces of which one can precede a piece; bad stretches have fewer pieces."""
 
 
 def unreachable(time: Array, values: Array, *, rate: float, jump: float) -> NDArray[np.bool_]:
@@ -174,7 +174,7 @@ def unreachable(time: Array, values: Array, *, rate: float, jump: float) -> NDAr
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DiveRules:
-    """Limits by which a log is cut into rows; depths are below the log's own surface."""
+    """Limits by which a log is cut into rows; depths count from the surface as the log has it."""
 
     min_depth: float = 5.0
     """[m] An interval between fixes that goes deeper is a dive; otherwise it is surface time."""
@@ -195,7 +195,7 @@ class DiveRules:
     vehicles log these positions."""
     coast: float = 40.0
     """[m] A fix logged within `fix_lag` is used if it is nearer than this to the last surface fix.
-    Two fixes differ as much anyway. With 0 no such fix is used, and rows start at the surface."""
+    Good fixes can differ by as much. With 0 no such fix is used: rows start at a fix afloat."""
     coast_speed: float = 3.5
     """[m/s] Three or more steps at one velocity above this are no drift: the receiver coasts."""
     fix_speed: float = 4.0
@@ -228,7 +228,7 @@ def lone_zeros(time: Array, values: Array, *, rate: float, jump: float) -> Mask:
     Args:
       time: [s] increasing strictly, shape (samples,).
       values: finite, [dbar] or [m], shape (samples,).
-      rate, jump: limits for the other samples (see `unreachable`).
+      rate: limit for the other samples. jump: limit for them and the zeros (see `unreachable`).
     """
     zero = values == 0.0
     bad = np.zeros(len(values), bool)
@@ -249,9 +249,9 @@ def lone_zeros(time: Array, values: Array, *, rate: float, jump: float) -> Mask:
 def stale(time: Array, values: Array, *, rate: float, jump: float) -> Mask:
     """Find samples after a gap that repeat the last value exactly, far from the next value.
 
-    Args: see `lone_zeros`; `rate` is not used: a restart takes longer than noise does.
+    Args: see `lone_zeros`; `rate` is not used.
     """
-    del rate
+    del rate  # over the gap of a restart it would allow nearly any step: FASTEST_RESTART is used
     bad = np.zeros(len(values), bool)
     if len(values) > 2:
         gap, step = np.diff(time), np.diff(values)

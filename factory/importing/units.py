@@ -165,7 +165,7 @@ def declared(
 
     Args:
       unit: as the file writes it; empty if it declares none.
-      wanted: unit of the schema, or `PRACTICAL`.
+      wanted: unit of the schema; `PRACTICAL` for practical salinity, which has none.
       subject: name of the variable, for the report.
       native: unit of the format if none is declared [default: the wanted one].
       deployment: deployment of the values, if known.

@@ -169,7 +169,7 @@ def write(
       The files that `factory.import_logs` takes, with `options`.
 
     Raises:
-      InputError: an unknown kind or layout; the message names the nearest.
+      InputError: an unknown type or layout; the message names the nearest.
       ModuleNotFoundError: a library that writes the format is missing.
     """
     layouts = _layouts(kind)

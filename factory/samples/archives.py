@@ -89,7 +89,7 @@ def write_pyglider(
     """Write a time series of pyglider, for a SeaExplorer or a Slocum.
 
     Args:
-      pump: whether the file has the ballast's position.
+      pump: True if the file has the ballast's position.
       reckoned: True for a Slocum, with radians and positions that meander between fixes and are
         20 m wrong at the end of a dive; False for positions on lines between the fixes.
     """

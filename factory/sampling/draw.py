@@ -189,7 +189,7 @@ class Parameters:
 
 
 def kind_of(segment: Drawn) -> MissionKind:
-    """Return the kind of a sampled segment; raises UnknownName for an unknown word."""
+    """Return the type of a sampled segment; raises UnknownName for an unknown word."""
     word = str(segment["mission.kind"])
     if word not in MISSION_KINDS:
         raise UnknownName("kind of mission", word, MISSION_KINDS)
@@ -274,7 +274,7 @@ def _stream(
 def _draw(streams: Streams, vehicle: Vehicle) -> Drawn:
     """Sample one segment that is not a surface interval.
 
-    Every segment samples all parameters, so that no value depends on the kinds of segments before.
+    Every segment samples all parameters, so that no value depends on the types of segments before.
     """
     drawn = {name: draw() for name, draw in streams.items()}
     word = str(drawn["mission.kind"])

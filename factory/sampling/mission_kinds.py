@@ -2,7 +2,7 @@
 
 Saw-tooth: dives and climbs on a heading, also called yo-yo.
 Spiral: dives and climbs with a constant turn.
-Surface: a surface interval for a GPS fix. `mission.kind` never samples this kind; one follows after
+Surface: a surface interval for a GPS fix. `mission.kind` never samples this type; one follows after
 every `surface_every` other segments.
 Transect: a straight level leg on a heading.
 Circle: level turns of one radius.
@@ -42,17 +42,17 @@ class MissionKind:
     """Type of segment."""
 
     name: ClassVar[str] = ""
-    """Word for this kind in `mission.kind`"""
+    """Word for this type in `mission.kind`"""
     uses: ClassVar[tuple[str, ...]] = ()
-    """Parameters that this kind uses, without their group `mission.`; parameters that a vehicle
+    """Parameters that this type uses, without their group `mission.`; parameters that a vehicle
     lacks are left out"""
 
     def fits(self, vehicle: Vehicle) -> bool:
-        """Return whether a vehicle has the parts to fly this kind of segment."""
+        """Return whether a vehicle has the parts to fly this type of segment."""
         return True
 
     def keep(self, drawn: Drawn) -> Drawn:
-        """Return a segment's parameters, with NaN for those that this kind does not use."""
+        """Return a segment's parameters, with NaN for those that this type does not use."""
         used = {"mission.kind", *(f"mission.{name}" for name in self.uses)}
         return {name: value if name in used else math.nan for name, value in drawn.items()}
 
@@ -108,7 +108,7 @@ class _Profile(MissionKind):
         return _value(drawn, "max_depth_m")
 
     def fields(self, drawn: Drawn) -> dict[str, Any]:
-        """Fields of both kinds of segments."""
+        """Fields of both types of segments."""
         driven = [name for name in DRIVEN if f"mission.{name}" in drawn]
         return {
             **{name: _value(drawn, name) for name in (*DEPTHS, *driven)},
@@ -249,11 +249,11 @@ MISSION_KINDS: Mapping[str, MissionKind] = {
     kind.name: kind
     for kind in (_SawTooth(), _Spiral(), SURFACE, _Transect(), _Circle(), _LawnMower())
 }
-"""Kinds of segments by name, in a fixed order, because stores keep a kind's position"""
+"""Types of segments by name, in a fixed order, because stores keep a type's position"""
 
 
 def kinds_for(vehicle: Vehicle) -> tuple[str, ...]:
-    """Names of the kinds that a vehicle can fly; stores keep a name's position in this list."""
+    """Names of the types that a vehicle can fly; stores keep a name's position in this list."""
     return tuple(name for name, kind in MISSION_KINDS.items() if kind.fits(vehicle))
 
 

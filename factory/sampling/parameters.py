@@ -48,7 +48,7 @@ STRAIGHT = 0.1
 SPEED = (0.8, 1.1)
 """[1] Default range of speed relative to a propelled vehicle's cruising speed, in both presets"""
 WEIGHTS = {"saw-tooth": 6, "transect": 2, "circle": 1, "lawn-mower": 1, "spiral": 1}
-"""Relative frequencies of a propelled vehicle's kinds of segments, for kinds that it can fly"""
+"""Relative frequencies of a propelled vehicle's types of segments, for types that it can fly"""
 ADDED_MASS = {
     "surge": ("added mass (1,1)", (0, 0)),
     "sway": ("added mass (2,2)", (1, 1)),
@@ -114,7 +114,7 @@ def parameter_table(vehicle: Vehicle) -> dict[str, Parameter]:
 
 
 def _survey_kinds(row: Parameter, vehicle: Vehicle) -> Parameter:
-    """Row with the weights of a propelled vehicle's kinds of segments; unchanged for one kind."""
+    """Row with the weights of a propelled vehicle's types of segments; unchanged for one type."""
     weights = [f"{kind}: {WEIGHTS[kind]}" for kind in kinds_for(vehicle) if kind in WEIGHTS]
     if len(weights) == 1:
         return row

@@ -114,7 +114,7 @@ class Fit(FitSettings, JsonOption):
                 continue
             if isinstance(allowed, tuple):
                 raise InputError(unknown_name(f"word for --{option}", given, allowed))
-            _ = allowed[given]  # a registry, whose error lists the known names
+            _ = allowed[given]  # an extension point, whose error lists the known names
 
     def _folder(self) -> Path:
         return RUNS / (free_name() if self.name is None else checked_name(self.name))

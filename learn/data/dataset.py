@@ -1,8 +1,8 @@
 """Dataset: missions of a store as arrays, all at once or a few at a time.
 
 A row of a store of logs is one dive. The true velocity of a log is known only where a current
-profiler or a Doppler log measured. Other samples are neither learned from nor scored. In simulated
-stores a missing value is an error.
+profiler or a Doppler log measured. Networks neither learn from other samples nor are scored on
+them. In simulated stores a missing value is an error.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from twin.records.store import check_filled
 Floats = NDArray[np.float32]
 
 Division = Literal["missions", "samples"]
-"""Unit that is divided into training, validation and test, see `learn.data.preparation.prepare`."""
+"""Division into training, validation and test, by missions or by samples, see `prepare`."""
 TARGETS = {"surge": "true_surge", "sway": "true_sway"}
 """[m/s] Velocities through the water that networks learn, body FRD, with their true channels."""
 
@@ -65,7 +65,7 @@ class MissionSequence:
         angles of attack and sideslip below 5 degrees, true surge is less by at most 0.4 %.
 
         Raises:
-          StoreError: the mission lacks it or, in a simulated store, it is not finite.
+          StoreError: the mission lacks the velocity, or a simulated one has a missing value.
         """
         channel = TARGETS[name]
         if self.row is not None:
@@ -126,10 +126,10 @@ class Selection:
           store: path of a zarr store of the schema.
           channels: schema names to read, and estimated channels to compute.
           split: train, validation, test or all.
-          limit: largest number of missions.
+          limit: most missions, from the first on.
           period: [s] between samples, a multiple of the store's; None takes all samples.
           start: start of an adapted run's second flight filter, which adds the channels ADAPTED.
-          spread: prior spread of hulls about the vehicle file, for the flight filter.
+          spread: prior standard deviations of hulls about the vehicle file, for the flight filter.
           advise: function from missing or damaged channels to advice, for errors.
 
         Raises:
@@ -272,7 +272,7 @@ class Selection:
 
 
 AT_A_TIME = 2**17
-"""Largest number of samples per read: their channels take 30 MB before they become features."""
+"""Most samples per read: their channels take 30 MB before they become features."""
 
 
 def pieces(places: Iterable[int], lengths: NDArray[np.int64]) -> Iterator[list[int]]:
@@ -290,7 +290,7 @@ def pieces(places: Iterable[int], lengths: NDArray[np.int64]) -> Iterator[list[i
 
 
 def any_channel(store: str | StorePath) -> tuple[str, ...]:
-    """Name of a channel that the store has, for a `Selection` of which only lengths are needed."""
+    """Name of any channel of the store, for a `Selection` that only counts samples."""
     with MissionStore(store) as reader:
         return ("measured_depth",) if "measured_depth" in reader else ("measured_gap",)
 
@@ -363,8 +363,8 @@ def filled(name: str, values: Array) -> Array:
 
 
 def nearest(values: Array, step: int) -> Array:
-    """Every `step`-th sample; a missing one takes the nearest value within half a step, so that a
-    true velocity given every ten seconds is kept."""
+    """Every `step`-th sample; a missing sample takes the nearest value within half a step, so that
+    a true velocity that is given every ten seconds stays."""
     kept = values[::step].copy()
     places = np.arange(0, len(values), step)
     for offset in sorted(range(-((step - 1) // 2), step // 2 + 1), key=abs):

@@ -1,9 +1,9 @@
 """Labels: the velocities through the water that networks are trained on.
 
-In a simulated store the truth is known, and it is the default. A real vehicle has at best a Doppler
-log. In water lock the log measures the velocity through the water, and in bottom lock the velocity
-over ground. A known current (from a profiler or mooring nearby, or zero in a basin) turns a
-velocity over ground into a label. Samples without a label are not trained on.
+In a simulated store the truth is known and is the default label. A real vehicle has at best a DVL,
+which measures the velocity through the water in water lock, and over ground in bottom lock. A known
+current (from a profiler or mooring nearby, or zero in a basin) turns a velocity over ground into a
+label. Samples without a label do not train.
 """
 
 from __future__ import annotations
@@ -138,9 +138,9 @@ class Measured:
 def measured(mission: MissionSequence, config: LabelConfig) -> Measured:
     """Labels of one mission from its Doppler log.
 
-    Water track is a label as it is. From bottom track, the known current is subtracted, rotated
+    Water track is a label unchanged. From bottom track, the known current is subtracted, rotated
     into the body frame by the measured attitude. An outlier in surge or sway removes both
-    velocities of the sample: one bad beam spoils all axes.
+    velocities of the sample, because one bad beam falsifies all axes.
 
     Raises:
       StoreError: a channel is missing.
@@ -197,7 +197,7 @@ class LabelCounts:
     current_mean: float | None = None
     """[m/s] Mean speed of the current subtracted from bottom track; None: no current was known"""
     current_max: float | None = None
-    """[m/s] Highest speed of that current; None: no current was known"""
+    """[m/s] Highest speed of the subtracted current; None: no current was known"""
 
     def sentences(self, config: LabelConfig) -> list[str]:
         """Sentences on the numbers, for a page or a terminal."""

@@ -43,9 +43,9 @@ TRUTH = LabelConfig()
 TARGET_SIGNS = {"surge": 1.0, "sway": -1.0}
 """Sign of each velocity in a mission's mirror image, port for starboard."""
 VALIDATING = 4
-"""Number of rows of which one validates, in a training with held-out rows."""
+"""In a training with held-out rows, one of this number of rows validates."""
 DIVISION_EDGES = {"train": (0.0, 0.7), "validation": (0.7, 0.85), "test": (0.85, 1.0)}
-"""Ranges of a uniform random number that put a sample in each part of the paper's division."""
+"""Ranges of a uniform random number that put a sample in each split of the paper's division."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,9 +99,9 @@ def prepare(
       held_out: rows of the store that are neither trained nor validated on. If there are any, the
         store's split has no effect: every fourth of the other rows validates, the rest train.
       labels: source of the velocities to learn, the truth or a Doppler log.
-      spread: prior spread of hulls about the vehicle file, for the flight filter.
-      resident: keep all sequences in memory; if False, they are read again on each use, with the
-        same values.
+      spread: prior standard deviations of hulls about the vehicle file, for the flight filter.
+      resident: keep all sequences in memory; if False, read them again on each use, with equal
+        values.
 
     Raises:
       InputError: the target or division is unknown; a vehicle's part has no mirror image.
@@ -130,7 +130,7 @@ def training_lengths(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Lengths, in samples, of the missions that may train, and of those that may validate.
 
-    Held-out rows or a division by samples give the same missions twice. Errors: see `Selection`.
+    With held-out rows or a division by samples, both lists are equal. Errors: see `Selection`.
     """
     with open_stores(store, any_channel(each_store(store)[0]), period=period) as selection:
         places = _candidates(selection, division, held_out)
@@ -182,7 +182,7 @@ class _Task:
         return None if self.signs is None else Mirror(self.signs, TARGET_SIGNS[self.target])
 
     def fit(self) -> NormalisationFit:
-        """Start a fit of the normalisation, with mean zero for values that change sign mirrored."""
+        """Start a fit of the normalisation; values that change sign in the mirror get mean zero."""
         if self.signs is None:
             return NormalisationFit(self.features, self.target)
         centred = [n for n, s in zip(self.features, self.signs, strict=True) if s < 0]
@@ -192,7 +192,7 @@ class _Task:
 
 @dataclasses.dataclass(frozen=True)
 class _Maker:
-    """Function from a mission of one part (train or validation) to its sequence."""
+    """Function from a mission of one split (train or validation) to the mission's sequence."""
 
     task: _Task
     scales: Normalisation
@@ -200,7 +200,7 @@ class _Maker:
     """Division by samples; None: all samples of a mission count"""
     part: str
     numbers: Places
-    """Index of each of the part's missions among all missions with labels"""
+    """Index of each of the split's missions among all missions with labels"""
 
     def __call__(self, mission: MissionSequence, number: int) -> Sequence3:
         wanted = self.task.labels.of(mission, self.task.target)
@@ -208,7 +208,7 @@ class _Maker:
         return self.weighed(made, number)
 
     def weighed(self, made: Sequence3, number: int) -> Sequence3:
-        """Sequence with weight 0 for the samples of other parts."""
+        """Sequence with weight 0 for the samples of other splits."""
         if self.division is None:
             return made
         inputs, wanted, weights = made
@@ -314,7 +314,7 @@ class SampleDivision:
     """The paper's random division of samples into 70 % training, 15 % validation, 15 % test.
 
     The division leaks: samples half a second apart are nearly equal, so validation and test do not
-    show unseen motion. Use it to reproduce the paper's figures, never to choose a network.
+    show unseen motion. Use it to reproduce the paper's numbers, never to choose a network.
     """
 
     def __init__(self, lengths: NDArray[np.int64], seed: int) -> None:
@@ -324,7 +324,7 @@ class SampleDivision:
     def weights(self, mission: int, part: str) -> Floats:
         """Weights of a mission's samples: 1 in `part` (train, validation or test), else 0.
 
-        The random stream is advanced to the mission's first sample: the order of calls is free.
+        The random stream starts at the mission's first sample, so calls may have any order.
         """
         bits = np.random.PCG64(self._seed)
         bits.advance(int(self._first[mission]))

@@ -151,7 +151,7 @@ def ahead(source: SequenceSource, parts: Sequence[Places]) -> Iterator[Sequences
 
 @dataclasses.dataclass(frozen=True)
 class SequenceWindows:
-    """Windows of missions, one row each, see `cut_windows`."""
+    """Windows of missions, one row for each window, see `cut_windows`."""
 
     table: NDArray[np.int64]
     """Columns: mission, first sample, warm-up samples, counted samples, 1 if mirrored"""

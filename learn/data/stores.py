@@ -39,7 +39,7 @@ def parts_of(stores: str | StorePath | Stores) -> dict[str, float | None]:
 def _parts_of(store: str | StorePath) -> dict[str, float | None]:
     """Parts of a store's vehicle with their signs in the mirror image.
 
-    Logs have a glider's parts. So has a store that cannot be opened: reading it raises the error.
+    Logs have a glider's parts. If a store cannot be opened, reading it raises the error later.
     """
 
     try:

@@ -60,7 +60,7 @@ class ErrorModel:
     """[m/s] Standard deviation of each horizontal component of the velocity through the water; an
     ensemble adds the standard deviation of its members."""
     velocity_time: float = BIAS_TIME_S
-    """[s] Correlation time of that error: a wrong vehicle constant lasts for a mission."""
+    """[s] Correlation time of `velocity_sd`: a wrong vehicle constant lasts for a mission."""
     heading_sd: float = COMPASS_SD
     """[rad] Standard deviation of a constant heading error; 0 for an ideal compass."""
     current_sd: float = 0.0
@@ -74,7 +74,7 @@ class ErrorModel:
     """[m/s] Half-width of the interval with 68 % of the surge errors in validation, all missions
     weighted alike; 0: unknown"""
     sway_interval: float = 0.0
-    """[m/s] Half-width of that interval for sway; 0: unknown"""
+    """[m/s] Half-width of the 68 % interval for sway, like `surge_interval`; 0: unknown"""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -84,7 +84,7 @@ class ErrorModel:
 
     @property
     def surge_sd(self) -> float:
-        """[m/s] Standard deviation of surge, which has both components' error: sway's is small."""
+        """[m/s] Standard deviation of surge if it has the whole error: sway's is small."""
         return math.sqrt(2.0) * self.velocity_sd
 
 
@@ -140,7 +140,7 @@ def surge_interval(
 ) -> Array:
     """[m/s] Predicted half-width of the interval with 68 % of the surge errors, (time,).
 
-    The value is the validation missions', `widened`; an adapted run uses `Adapted.interval`.
+    It is the validation's half-width, `widened` by the hull's score, or `Adapted.interval`.
 
     Args:
       mission: mission, with the channels ADAPTED if the run is adapted.
@@ -177,7 +177,7 @@ def network_position_sd(
 
 class Coverage:
     """Count missions that end within two predicted standard deviations, and samples within the
-    intervals of surge and sway; pass `add` to `evaluate` as a watch."""
+    intervals of surge and sway; `add` is a callback for `evaluate`."""
 
     def __init__(
         self,
@@ -211,8 +211,8 @@ class Coverage:
             self._within["sway"].append(float(np.mean(far < wide)))
 
     def figures(self) -> dict[str, float | None]:
-        """Mean predicted standard deviation at mission end [m], fraction of missions within two of
-        them, and fractions of samples within the intervals of surge and sway."""
+        """Mean predicted standard deviation at mission end [m], fraction of missions within two
+        standard deviations, and fractions of samples within the intervals of surge and sway."""
         found: dict[str, float | None] = {"position_sd_m_mean": None, "within_2sd": None}
         if self._ends:
             errors, deviations = np.array(self._ends).T
@@ -225,7 +225,7 @@ class Coverage:
 
 
 class FixConsistency:
-    """Test of a navigator's stated errors at GPS fixes; pass `add` to `evaluate` as a watch.
+    """Test of a navigator's stated errors at GPS fixes; `add` is a callback for `evaluate`.
 
     The test uses dives from fix to fix below `SHALLOW_DEPTH`. The networks' velocity and the
     measured attitude give the displacement through the water.
@@ -290,7 +290,7 @@ def position_sd(
       velocity: [m/s] estimated velocity, north and east, (time, 2).
       period: [s] between samples.
       model: error statistics.
-      velocity_sd: [m/s] standard deviation of each component, (time,); None takes the model's.
+      velocity_sd: [m/s] standard deviation of each component, (time,); None: as in the model.
       fixes: samples at which the position is reset to a fix.
     """
     samples = len(velocity)
@@ -314,7 +314,7 @@ def _integrated_variance(
 
     The recursion is exact for constant s: with c = cov(integral, process), a = exp(-h / T),
     P += 2 c T (1 - a) + 2 s^2 T [h - T (1 - a)] and c = a c + s^2 T (1 - a). At a reset P and c
-    are zero: the fix gives the position and tells nothing about the velocity error.
+    are zero: the fix gives the position and no information on the velocity error.
     """
     if time == 0.0:
         return np.zeros(len(spread))

@@ -1,4 +1,4 @@
-"""Evaluation: run networks, floor (true velocities) and baselines on a store, and score them."""
+"""Evaluation: score networks, `floor` (true velocities) and baselines on a store's missions."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from learn.networks.predictor import Ensemble
 
 GROUP = 16
-"""Number of missions in memory that are predicted together; progress is shown per group."""
+"""Number of missions that are in memory and predicted together, as one group."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Evaluation:
     store: str
     split: str
     methods: Mapping[str, Method]
-    """NETWORK, FLOOR and the baselines by name, without a baseline whose channels are missing."""
+    """Method by name: NETWORK, FLOOR and the baselines whose channels the store has."""
     missing: Mapping[str, str]
     """Reason for each missing baseline, by name."""
     provenance: Mapping[str, Any]
@@ -72,7 +72,7 @@ class Evaluation:
     """Numbers of scored rows and samples in a store of logs, see `learn.evaluation.log_score`."""
 
     def to_json(self) -> dict[str, Any]:
-        """Figures of the networks, with entries `floor` and `baselines`."""
+        """Numbers of the networks, with entries `floor` and `baselines`."""
         empty = summarise_scores(())
         figures = {name: method.figures for name, method in self.methods.items() if name != NETWORK}
         return {
@@ -101,19 +101,19 @@ def evaluate(
     period: float | None = None,
     labels: LabelConfig | None = None,
 ) -> Evaluation:
-    """Evaluate networks, floor and baselines on missions of a store.
+    """Evaluate networks, true velocities (`floor`) and baselines on missions of a store.
 
     Args:
       networks: ensembles `surge` and `sway`.
       store: path of the store.
       split: train, validation, test or all.
       baselines: names of the baselines to run; None runs all.
-      limit: largest number of missions, from the first on; no effect on logs.
+      limit: most missions, from the first on; no effect on logs.
       watch: called with every mission and its estimates, for tracks, figures and progress.
       period: [s] sample period of the networks; samples of a shorter period are thinned.
-      labels: settings that take velocities from a Doppler log. They are compared with the networks'
-        and serve as reference for real logs. None: only tracks are compared with the Doppler log's,
-        and the reference for real logs is their truth.
+      labels: settings that take velocities from a Doppler log. These are compared with networks and
+        are the reference of real logs. None: only tracks are compared with the Doppler log, and
+        the truth is the reference of real logs.
 
     Real logs are scored by `learn.evaluation.log_score`, and the watch receives a `LogReference`.
 
@@ -210,7 +210,7 @@ def evaluate(
 def pooled(each: Sequence[Evaluation]) -> Evaluation:
     """Pool evaluations of the same networks on simulated stores, over all their missions.
 
-    A baseline missing on one store is left out: its figures would be of other missions.
+    A baseline that one store lacks is left out: its numbers would belong to other missions.
     """
     if len(each) == 1:
         return each[0]

@@ -6,7 +6,7 @@ depth-averaged current, as on board. If there are fixes, NAME_corrected uses eac
 current, known after its end. Without a known current, both are tracks through the water. A method
 without a track in some mission is left out.
 
-The comparison with a Doppler log is that of the paper's first study.
+The paper's first study compares networks with a Doppler log in this way.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ Arrays = Mapping[str, Numbers]
 
 CORRECTED = "_corrected"
 TRUTH_NAMES = ("floor",)
-"""Methods without a track in the file: they use the truth, which no vehicle has."""
+"""Methods without a track in the file, because they use the truth, unknown to a vehicle."""
 
 
 class TrackCollector:
-    """Collect the tracks of an evaluation; pass `add` to `evaluate` as a watch."""
+    """Collect the tracks of an evaluation; `add` is a callback for `evaluate`."""
 
     def __init__(self) -> None:
         self._missions: list[int] = []
@@ -67,7 +67,7 @@ class TrackCollector:
     def _complete(self) -> dict[str, dict[int, Array]]:
         """Tracks that all missions have: readers refuse a track without samples.
 
-        A mission without a corrected track uses the plain one.
+        A mission without a corrected track gets its uncorrected track instead.
         """
         filled = {
             name: {**self._tracks.get(name.removesuffix(CORRECTED), {}), **tracks}

@@ -1,14 +1,14 @@
 """Log score: score networks and baselines on real logs, with the references that a log holds.
 
 A log can hold two references. One is the velocity through the water, from a current profiler or a
-Doppler log; samples without it are counted and not scored. Networks that learned from a Doppler log
-are scored by it on rows outside their training. The other is the position at each fix. A row is one
+DVL; samples without it are counted and not scored. Networks that learned from a DVL are scored by
+its velocities on rows outside their training. The other is the position at each fix. A row is one
 dive, so its track is scored at the row's end. The depth-averaged current of the previous row is
 used if that row ended less than an hour ago. A track corrected afterwards ends at the fix, so it
 has no error to score.
 
-Errors in % refer to the horizontal path through the water from w / tan(pitch + angle of attack),
-since the true path is unknown.
+Errors in % refer to the horizontal path through the water from w / tan(|pitch| + |alpha|), with the
+angle of attack alpha, since the true path is unknown.
 """
 
 from __future__ import annotations
@@ -186,7 +186,7 @@ class LogScores:
 
     scores: Mapping[str, tuple[MissionScore, ...]]
     counts: Mapping[str, int]
-    """Numbers of rows and samples by what is known of them, and of rows left out."""
+    """Numbers of rows and samples, with and without truth or fixes, and of rows left out."""
 
 
 Watch = Callable[[LogReference, Mapping[str, Estimate]], None]
@@ -209,7 +209,7 @@ def score_logs(
       chosen: function that is True for the rows to score.
       labels: source of the reference velocities, the truth or a Doppler log.
 
-    The floor has no scores here: a log's true velocities have gaps and give no track.
+    `FLOOR`, the method of true velocities, has no scores: a log's true velocities have gaps.
     """
     scores: dict[str, list[MissionScore]] = {NETWORK: [], FLOOR: [], **{n: [] for n in baselines}}
     last: tuple[LogReference, dict[str, Estimate]] | None = None

@@ -44,9 +44,9 @@ from twin.navigation.dead_reckoning import (
 from twin.navigation.estimators.base import Estimate
 
 NETWORK, FLOOR, DVL = "network", "floor", "dvl"
-"""Names of methods: the networks, the floor (true velocities) and the Doppler log's baseline"""
+"""Names of methods: networks; true velocities (lower bound of error); Doppler log as a baseline"""
 LAUNCH_S = 30.0
-"""[s] Time after the start, the launch from rest, that figures `..._after_30s` leave out."""
+"""[s] Duration of the launch from rest, which numbers `..._after_30s` leave out."""
 TARGETS = ("surge", "sway")
 TRACKS = ("water", "velocity", "ground")
 PERCENTILE = 90.0
@@ -81,7 +81,7 @@ class TrackError:
 
 @dataclasses.dataclass(frozen=True)
 class MissionScore:
-    """Scores of one method on one mission; velocities and tracks that it lacks have no entry."""
+    """Scores of one method on one mission, without entries for missing velocities and tracks."""
 
     mission: int
     samples: int
@@ -203,11 +203,11 @@ def score_mission(reference: ReferenceVelocity, estimate: Estimate) -> MissionSc
 def _score_dives(
     reference: ReferenceVelocity, estimate: Estimate
 ) -> dict[str, tuple[TrackError, ...]]:
-    """Errors of all dives but the first, so that all kinds of current have the same dives."""
+    """Errors of all dives but the first, so that all types of current have the same dives."""
     pairs = list(zip(reference.dives[:-1], reference.dives[1:], strict=True))
     own = estimate.ground_track
     if own is not None and estimate.uses_fixes:
-        # the logged track jumps to the fix at the dive's end, so it is scored just before
+        # the logged track jumps to the fix at the dive's end: score the sample before the jump
         judged = [
             _dive_error(reference, dive, own[dive.start : dive.end], dive.end) for _, dive in pairs
         ]
@@ -245,7 +245,7 @@ def _dive_error(reference: ReferenceVelocity, dive: Dive, track: Array, end: int
 
 
 def summarise_scores(scores: Sequence[MissionScore]) -> dict[str, Any]:
-    """Summarise one method's scores; a figure that no mission has is None.
+    """Summarise one method's scores; a number that no mission has is None.
 
     Squared errors are means over all samples of all missions, track errors are statistics over
     missions, and dive errors are statistics over dives.
@@ -293,7 +293,7 @@ def track_statistics(prefix: str, errors: Sequence[TrackError]) -> dict[str, flo
 
 
 def visible(mission: MissionSequence) -> dict[str, Array]:
-    """Channels of a mission that a vehicle has: all but the true ones."""
+    """Channels of a mission that a vehicle has: all but the true channels."""
     return {
         name: np.asarray(values, float)
         for name, values in mission.signals.items()

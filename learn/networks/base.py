@@ -1,6 +1,6 @@
 """Base of the networks: interface, sizes and checks of a network from features to one velocity.
 
-A network sees inputs and its own state, never a measured velocity:
+A network gets inputs and its own state, and never a measured velocity:
 
     forward(x, state) -> (y, state)   x (time, batch, inputs), y (time, batch, 1)
     step(x, state) -> (y, state)      x (batch, inputs), y (batch, 1)
@@ -27,8 +27,8 @@ from learn.seams import NETWORKS
 from twin.errors import InputError
 
 LSTM_WEIGHTS = 8
-"""Weights of an LSTM per pair of units: four gates, each from the layer below and from itself. It
-is the largest number among the types without delays and taps."""
+"""Weights of an LSTM per pair of units: four gates, each from the layer below and from its own. No
+type without delays or taps has more."""
 
 
 class Network(nn.Module, abc.ABC):
@@ -109,11 +109,11 @@ TRIED: dict[str, Any] = {
 TIME, BATCH = 7, 2
 """Numbers of samples and of sequences in the trial."""
 ROUNDING = 1e-4
-"""Largest rounding difference of float32 outputs near 1, from two orders of computation."""
+"""Limit of the rounding difference of float32 outputs near 1, computed in two orders."""
 
 
 def _broken_rule(network: Network) -> str:
-    """First rule of the interface that a network breaks; empty if it keeps all."""
+    """First rule of the interface that a network breaks; empty if there is none."""
     if not isinstance(getattr(network, "state_size", None), int):
         return "__init__ does not set state_size, the number of columns of its state"
     if not any(p.requires_grad for p in network.parameters()):
@@ -150,16 +150,16 @@ def _close(one: Tensor, other: Tensor) -> bool:
 
 
 COUNTS = {"hidden": 4096, "layers": 64, "delays": 256, "kernel": 256, "dilation": 256}
-"""Integer sizes with their largest allowed values, far above use (the paper's network has 3 layers
-of 50 units and 5 delays). They turn a typing error into a clear error instead of an allocation
+"""Integer sizes and their upper limits, far above use (the paper's network has 3 layers of 50 units
+and 5 delays). Because of the limits, a typing error gives a clear message instead of an allocation
 failure."""
 SIZES = (*COUNTS, "memories")
 """Names of all sizes that a network class may use."""
 MOST_MEMORIES = 64
 LONGEST_MEMORY = 86400.0
-"""[s] Longest time constant of an average."""
+"""[s] Upper limit of an average's time constant."""
 MOST_WEIGHTS = 1e9
-"""Largest number of weights: 4 GB in float32, and about four times as much in a training."""
+"""Upper limit of the weights: 4 GB in float32, and about four times as much in a training."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

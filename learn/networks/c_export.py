@@ -43,8 +43,8 @@ from twin.vehicle.vehicle import Vehicle
 NAME = "glider_velocity.h"
 """Name of the header file."""
 BEYOND = 1e-3
-"""[1] Fraction of samples that may differ by more than TOLERANCE. When a hull stalls or turns over,
-rounding in the last digit of float32 can grow a thousandfold."""
+"""[1] Fraction of samples that may differ by more than TOLERANCE: rounding errors of float32 can
+grow a thousandfold while a hull stalls or turns over."""
 FLAGS = (
     *("-std=c99", "-O3", "-pedantic"),
     *("-Wall", "-Wextra", "-Wdouble-promotion", "-Werror"),
@@ -60,7 +60,7 @@ def c_header(
     Args:
       networks: ensembles surge and sway, with the same features.
       period: [s] between samples.
-      vehicle: vehicle as in its file; needed by networks that read estimated channels.
+      vehicle: vehicle with its file's parameters; needed if networks read estimated channels.
 
     Raises:
       InputError: a type of network or a feature has no C code, or the vehicle is missing.
@@ -250,8 +250,8 @@ def export_c(
     Raises:
       InputError: there is no C compiler, or a type of network or a feature has no C code.
       StoreError: the file cannot be written, does not compile, or differs from the networks by more
-        than TOLERANCE in root mean square or at more than BEYOND of the samples. An earlier file at
-        `path` then stays.
+        than TOLERANCE in root mean square or at more than BEYOND of the samples. Then an earlier
+        file at `path` stays.
     """
     compiler, text = find_compiler(), c_header(networks, mission.period, vehicle)
     mission = _as_given(mission, networks["surge"], vehicle)
@@ -276,7 +276,7 @@ def export_c(
 def _as_given(
     mission: MissionSequence, networks: Ensemble, vehicle: Vehicle | None
 ) -> MissionSequence:
-    """Round a mission's signals to float32, as a C sample has; filled gaps of logs are float64."""
+    """Round a mission's signals to float32, as in a C sample; filled gaps of logs are float64."""
     signals = {n: v.astype(np.float32).astype(np.float64) for n, v in mission.signals.items()}
     if vehicle is not None:
         period, spread = mission.period, networks.spread

@@ -19,8 +19,8 @@ from torch import Tensor, nn
 from twin.navigation.c_math import table
 
 PRELUDE = """\
-/* out (rows) += weight (columns, rows) in (columns). Four columns at a time load and store the sums
- * a quarter as often. */
+/* out (rows) += weight (columns, rows) in (columns). With four columns in one pass, each sum is
+ * loaded and stored once for the four. */
 static inline void gt_add(float *out, const float *weight, const float *in, int columns, int rows)
 {
     for (; columns >= 4; columns -= 4, weight += 4 * rows, in += 4)

@@ -1,10 +1,10 @@
-"""Elman: the paper's network, hidden tanh layers that get their own past outputs as inputs.
+"""Elman: the paper's network of hidden tanh layers, whose past outputs are inputs to themselves.
 
     h_t = tanh(W x_t + sum_{i=1..past} U_i h_{t-i} + b)
 
-`ContextDelay` uses tensors laid out as (time, features, batch): past states of one step are one
-contiguous block. Each step, forward or backward, is one matrix product of (hidden, past * hidden)
-with (past * hidden, batch). Each weight gradient is one product over all times.
+`ContextDelay` uses tensors laid out as (time, features, batch), so that the past states of a step
+are one contiguous block. Each step, forward or backward, is one matrix product of (hidden,
+past * hidden) with (past * hidden, batch). Each weight gradient is one product over all times.
 """
 
 from __future__ import annotations
@@ -184,8 +184,8 @@ class _Recurrence(torch.autograd.Function):
 
 
 def _blocks(x: Tensor, past: int, count: int) -> tuple[Tensor, ...]:
-    """Views of x (time, features, batch): for each of the first `count` times, the `past` rows from
-    that time on, as one matrix (past * features, batch)."""
+    """Views of x (time, features, batch): for each of the first `count` times, the `past` rows that
+    begin there, as one matrix (past * features, batch)."""
     _, features, batch = x.shape
     shape = (count, past * features, batch)
     return x.as_strided(shape, (features * batch, batch, 1), x.storage_offset()).unbind()

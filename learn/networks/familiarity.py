@@ -1,12 +1,12 @@
 """Familiarity: detect hulls unlike the training's, and limit the networks' bias on other vehicles.
 
-A hull with biofouling gives inputs that are usual one by one. The Mahalanobis distance of all
+A hull with biofouling leaves each input within its usual range. The Mahalanobis distance of all
 inputs hardly shows such a hull. The flight filter's constants do, compared with their mean and
 standard deviation over the training missions.
 
-A vehicle model outside the training can move as no training mission did, for example dive stalled.
+Another type of vehicle can move as no training mission did, for example glide with stalled wings.
 The networks' surge can then be wrong by half, while the flight filter uses the vehicle's own
-equation of motion. `Tether` limits the lasting difference between both to its size in validation.
+equation of motion. `Tether` limits the mean difference of the two to its median in validation.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from twin.records.reader import MissionStore
 FAR = 3.0
 """Standard deviations from the training's mean at which the out-of-distribution score is 1"""
 MISSIONS = 60
-"""Training missions to fit the hulls' statistics to: standard deviations are known to 10 %"""
-TRIED = 24
-"""Missions per store to classify the hulls: the drag's standard deviation is known to 15 %"""
-CLEAN_MOST = 0.13
-"""Largest rms of ln(drag factor) for hulls that count as their vehicle file. Three vehicles
+"""Most training missions for `Familiarity.fit`: standard deviations are then known to 10 %"""
+CLASSIFIED = 24
+"""Most missions per store for `training_hulls`: the drag's standard deviation is known to 15 %"""
+LARGEST_CLEAN_RMS = 0.13
+"""Largest rms of ln(drag factor) at which hulls count as built as in their file. Three vehicles
 have 0.06 to 0.08 with preset `field`, 0.24 to 0.36 with `family` or with 40 % more drag"""
 
 
@@ -68,13 +68,13 @@ def training_hulls(stores: Stores, features: Sequence[str], period: float | None
     if not set(channels_of(features)) & set(ESTIMATED):
         return ANY
     clean = True
-    for flight, missions in training_flights(stores, period, None, TRIED):
+    for flight, missions in training_flights(stores, period, None, CLASSIFIED):
         squares = []
         for mission in missions:
             ended(flight, mission)
             value, deviation = flight.constants["drag"]
             squares.append(value**2 + deviation**2)
-        clean &= math.sqrt(np.mean(squares)) < CLEAN_MOST
+        clean &= math.sqrt(np.mean(squares)) < LARGEST_CLEAN_RMS
     return CLEAN if clean else ANY
 
 
@@ -87,7 +87,7 @@ class Familiarity:
 
     @classmethod
     def fit(cls, known: Iterable[tuple[FlightFilter, Iterable[MissionSequence]]]) -> Self:
-        """Fit to training missions with the filter's channels, given with their vehicles' filters.
+        """Fit to pairs of a vehicle's flight filter and its training missions.
 
         Constants are relative to the vehicle's own file, so that several vehicles can be pooled.
         """
@@ -169,16 +169,16 @@ HELD_TO = ("estimated_surge", "adapted_surge")
 LASTS_S = 60.0
 """[s] Time constant of the mean difference: longer than an inflection, shorter than a glide"""
 SHARE = 0.5
-"""[1] Fraction of validation samples within the limit. It was chosen from 0.5, 0.68 and 0.9, and
+"""[1] Fraction of validation samples within the bias limit: chosen from 0.5, 0.68 and 0.9, as
 LASTS_S from 20, 60 and 200 s, on Slocums and Seagliders with networks of three other vehicles."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Tether:
-    """Bias limit: largest mean difference, over a minute, of networks' surge from the filter's."""
+    """Bias limit of the mean difference, over a minute, of networks' surge from the filter's."""
 
     most: float
-    """[m/s] Largest absolute difference"""
+    """[m/s] Limit of the mean difference: the median of its size over the validation samples"""
 
     @classmethod
     def of(cls, apart: Sequence[Array], period: float) -> Tether:
@@ -214,7 +214,7 @@ def share(period: float) -> float:
 
 
 def _lasting(apart: Array, period: float) -> Array:
-    """Exponential mean of a difference (time,). It starts from 0, because a flight filter that
-    starts under way needs some seconds to find the speed."""
+    """Exponential mean of a difference (time,). The mean starts from 0, because a flight filter
+    needs some seconds to find the speed of a vehicle under way."""
     part = share(period)
     return np.asarray(lfilter([part], [1.0, part - 1.0], apart), np.float64)

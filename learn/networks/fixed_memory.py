@@ -1,10 +1,10 @@
 """Fixed memory: networks with an untrained memory of past inputs, read by a trained function.
 
-    z_t, state = recall(x_t, state)     fixed: has no trained weights
+    z_t, state = recall(x_t, state)     fixed: without trained weights
     y_t = read(z_t)                     trained: a function of one sample
 
-Since z does not depend on the weights, a training computes it once for whole missions. It then
-uses single samples in any order: no windows, no warm-up, and no gradient through time.
+Since z does not depend on the weights, a training computes z once for whole missions. The training
+then uses single samples in any order: no windows, no warm-up, and no gradient through time.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class FixedMemory(Network):
         """Outputs (..., 1) from the memory (..., recalled)."""
 
     def mirrored(self, signs: Tensor) -> Tensor:
-        """Signs (recalled,) of the memory in a mission's mirror image, from the inputs' (inputs,).
+        """Signs (recalled,) of the memory in a mission's mirror image, from input signs (inputs,).
 
         `recall` must be linear, apart from its start."""
         recalled, _ = self.recall(signs[None, None], self.initial_state(1))
@@ -74,7 +74,7 @@ class Memoryless(FixedMemory):
         self.body = _perceptron(config.inputs, config, nn.Tanh)
 
     def recall(self, x: Tensor, state: Tensor) -> tuple[Tensor, Tensor]:
-        """Input as it is; see `FixedMemory.recall`."""
+        """Inputs unchanged; see `FixedMemory.recall`."""
         return x, state
 
     def read(self, recalled: Tensor) -> Tensor:
@@ -101,11 +101,11 @@ class ExponentialAverages(FixedMemory):
     for each input x and each memory tau [s], with sample period T [s]. The averages start at the
     first sample. This is the exponential trace memory of M. C. Mozer, "Neural net architectures for
     temporal sequence processing" (1993), with given decays instead of learned ones. A glider
-    settles within half a minute; averages over 2, 8 and 30 s show how far it is from steady state.
+    settles within half a minute; averages over 2, 8 and 30 s show its distance from steady state.
     State columns: the averages, memory by memory, then 1 after the first sample.
 
     The readout is a perceptron of SiLU units in parallel with a linear layer. The linear layer
-    learns relations such as speed along a steady path at once, and they hold outside the training.
+    learns relations such as speed along a steady path at once, which also hold outside training.
     """
 
     summary = "exponential moving averages of every input, read by a perceptron without memory"
@@ -156,8 +156,8 @@ class ExponentialAverages(FixedMemory):
         return torch.where(age < 0, 0.0, (1.0 - keep[..., None]) * keep[..., None] ** age.clamp(0))
 
     def _before(self, x: Tensor, state: Tensor) -> Tensor:
-        """Averages (batch, memories, inputs) before the sample x (batch, inputs): the state's, or
-        the sample itself if it is the first."""
+        """Averages (batch, memories, inputs) before the sample x (batch, inputs): from the state,
+        or the sample itself if x is the first."""
         averages = state[:, :-1].unflatten(1, (len(self.keep), self.config.inputs))
         return torch.lerp(x[:, None].expand_as(averages), averages, state[:, -1:, None])
 

@@ -16,7 +16,7 @@ class Gated(Network):
 
     cell: ClassVar[type[nn.LSTM] | type[nn.GRU]]
     parts: ClassVar[int]
-    """Number of matrices in the state: outputs, and for an LSTM also cells."""
+    """Number of matrices in the state: 1 for outputs, 2 for an LSTM's outputs and cells."""
     gates: ClassVar[int]
     """Number of blocks, one per gate, in a layer's weights."""
     c_units: ClassVar[str]

@@ -38,15 +38,15 @@ from twin.records.storage.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle
 
 FASTEST = simulated_limits("true_surge")[1]
-"""[m/s] Largest absolute velocity of a network's output; larger ones are clipped"""
+"""[m/s] Limit of a network's absolute output; larger velocities are clipped"""
 
 
 class NetworkVelocity(VelocityEstimator):
     """Surge and sway by the networks of a run, equal to `Run.predict` to rounding of float32.
 
-    `ChannelGuard` replaces an impossible sensor value by the last good one; `held` names these
-    channels. The stated error is that of validation missions: the difference between an ensemble's
-    members does not include errors of vehicle and sensors, which all members share. The caller
+    `ChannelGuard` replaces an impossible sensor value by the last good value; `held` names these
+    channels. The stated error is the error on validation missions. The difference between members
+    of an ensemble would omit errors of vehicle and sensors, which all members share. The caller
     solves heave from the vertical velocity.
     """
 
@@ -66,8 +66,8 @@ class NetworkVelocity(VelocityEstimator):
         Args:
           networks: ensembles `surge` and `sway`.
           period: [s] sample period of the training.
-          vehicle: vehicle as in its file; needed by networks that read estimated channels.
-          deviation: stated standard deviation, such as `Run.velocity_deviation`; None states none.
+          vehicle: vehicle with its file's parameters; needed if networks read estimated channels.
+          deviation: stated standard deviation, such as `Run.velocity_deviation`; None: not stated.
 
         Raises:
           InputError: the vehicle is needed, and is missing or does not suit the flight filter.
@@ -147,7 +147,7 @@ class NetworkVelocity(VelocityEstimator):
 
     @property
     def held(self) -> tuple[str, ...]:
-        """Channels in which the last good value replaces that of the last sample."""
+        """Channels in which the last good value replaces the value of the last sample."""
         return self._guard.held
 
     def reset(self) -> None:

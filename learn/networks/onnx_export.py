@@ -35,7 +35,7 @@ from twin.navigation.features import feature, is_known
 from twin.records.storage.whole import whole_file
 
 TOLERANCE = 1e-5
-"""[m/s] Largest allowed difference from the trained network over a mission."""
+"""[m/s] Limit of the difference from the trained network over a mission."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Parity:
     largest: float
     """[m/s] Largest absolute difference."""
     rms: float
-    """[m/s] Root mean square difference of surge or sway, whichever is larger."""
+    """[m/s] Root mean square difference of surge or of sway, the larger of both."""
     step_us: float
     """[us] Time per step with one thread."""
 
@@ -64,7 +64,7 @@ IR_VERSION = 8
 INPUTS = ("features", "state")
 OUTPUTS = ("velocity", "next_state")
 EXPORTER_MODULES = r"(torch|onnxscript|onnx_ir|copyreg)(\.|$)"
-"""Modules whose warnings are silenced; warnings of a user's network come from its own module."""
+"""Modules whose warnings are silenced; a user's network warns from another module."""
 
 
 class _Step(nn.Module):
@@ -225,7 +225,7 @@ def export_step(predictor: Predictor, path: Path, mission: MissionSequence) -> P
 
     Raises:
       StoreError: the file cannot be written, or differs from the trained network by more than
-        TOLERANCE. An earlier file at `path` then stays.
+        TOLERANCE. Then an earlier file at `path` stays.
     """
     import time
 

@@ -41,9 +41,9 @@ PLACE = "class"
 """Entry of the description: `module:Class` of a network type that is not shipped."""
 
 SIDE_BY_SIDE = 32
-"""Largest number of missions predicted together: 10 000 s missions take about 0.5 GB."""
+"""Most missions that are predicted together: missions of 10 000 s then take about 0.5 GB."""
 MOST_SAMPLES = 2**20
-"""Largest number of samples predicted together, which limits the number of long missions."""
+"""Most samples that are predicted together, so that fewer long missions are."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Predictor:
     def save(self, stem: Path) -> None:
         """Write `stem`.safetensors (weights) and `stem`.json (the rest, with the SHA-256 of both).
 
-        The description is written last: if it exists, the network is complete.
+        The JSON file is written last: if it exists, the network is complete.
 
         Raises:
           WriteError: the disk refuses.
@@ -236,7 +236,7 @@ class Adapted:
 
 @dataclasses.dataclass(frozen=True)
 class Ensemble:
-    """Several predictors of one velocity; their standard deviation measures the mean's error."""
+    """Several predictors of one velocity, whose standard deviation measures the mean's error."""
 
     members: tuple[Predictor, ...]
     adapted: Adapted | None = None
@@ -246,9 +246,9 @@ class Ensemble:
     interval: float = 0.0
     """[m/s] Half-width of the error interval, see `ErrorModel.surge_interval`; 0: unknown"""
     tether: Tether | None = None
-    """Bias limit of surge, for a vehicle whose model was not in the training"""
+    """Bias limit of surge, for a type of vehicle that was not in the training"""
     spread: FlightSpread | None = None
-    """Prior spread of hulls about the vehicle file, for the flight filter that the networks read"""
+    """Prior standard deviations of hulls about the vehicle file, for the networks' flight filter"""
 
     def __post_init__(self) -> None:
         if not self.members:

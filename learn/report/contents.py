@@ -74,7 +74,7 @@ class Shown:
 
 
 class Showcase:
-    """Keep the missions with the longest paths; pass `add` to `evaluate` as a watch."""
+    """Keep the missions with the longest paths; `add` is a callback for `evaluate`."""
 
     def __init__(self, most: int = DRAWN_MISSIONS) -> None:
         self._most = most
@@ -95,11 +95,11 @@ class Showcase:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RunEvaluation:
-    """Evaluation of a run on a store, with its figures and the missions to draw."""
+    """Evaluation of a run on a store, with its numbers and the missions to draw."""
 
     evaluation: Evaluation
     figures: Mapping[str, Any]
-    """Errors of the networks, the floor and each baseline, as `learn evaluate --json` prints."""
+    """Errors of the networks, `floor` and each baseline, as `learn evaluate --json` prints."""
     shown: tuple[Shown, ...]
     """Missions that a page draws; empty for logs, whose true tracks are unknown."""
 

@@ -16,11 +16,11 @@ from twin.navigation.dead_reckoning import KNOWLEDGE, Array
 from twin.show import style
 
 FEW_DECADES = 2.0
-"""Number of decades below which a logarithmic axis has labels at 2 and 5 times powers of ten."""
+"""A logarithmic axis over fewer decades also has labels at 2 and 5 times powers of ten."""
 MOST_TICKS = 6
 MOST_MINOR_TICKS = 60
 LEAST_PERCENT = 1e-4
-"""[%] Smallest error on logarithmic axes: a metre in a thousand kilometres."""
+"""[%] Lower bound of errors on logarithmic axes: a metre in a thousand kilometres."""
 GOLDEN = 0.6180339887
 """Fractional part of the golden ratio, whose multiples spread evenly."""
 LABEL_SIZE = 8.0

@@ -1,4 +1,4 @@
-"""Result tables: figures of an evaluation as rows and sentences, for a terminal or a page.
+"""Result tables: numbers of an evaluation as rows and sentences, for a terminal or a page.
 
 The functions read the JSON object of `learn evaluate`, so they do not need the run's store.
 """
@@ -20,16 +20,16 @@ Figures = Mapping[str, Any]
 Row = dict[str, object]
 
 PAPER = {"surge_mse": 2.12e-4, "sway_mse": 4.59e-6}
-"""[(m/s)^2] Errors of the paper's glider networks (its table II); their samples are not stated."""
+"""[(m/s)^2] Errors of the paper's glider networks (table II), on samples that it does not state."""
 PAPER_PROPELLED = {"surge_mse": 3.47e-2, "sway_mse": 5.88e-3}
 """[(m/s)^2] Errors of the paper's networks for Tethys (its first study), against a Doppler log."""
 STILL_PERCENT = 1e-6
-"""[% of the path] Largest difference between the true tracks through the water and over ground in
-still water."""
+"""[% of the path] Water counts as still if the true tracks through the water and over ground differ
+by no more."""
 
 
 def methods_of(evaluation: Figures) -> Iterator[tuple[str, Figures]]:
-    """Names and figures of the networks, the floor and each baseline with any figure."""
+    """Names and numbers of the networks, `floor` (true velocities), and baselines with a number."""
     yield "network", evaluation
     yield "floor", evaluation["floor"]
     for name, figures in evaluation["baselines"].items():
@@ -135,7 +135,7 @@ def without_track(evaluation: Figures, track: str) -> str:
 
 
 def dive_rows(evaluation: Figures) -> list[Row]:
-    """Rows of errors over ground between GPS fixes, with columns for each kind of current."""
+    """Rows of errors over ground between GPS fixes, with columns for each type of current."""
     rows = []
     for name, figures in methods_of(evaluation):
         row: Row = {"method": title_of(name)}
@@ -180,7 +180,7 @@ JUDGED = {
     "dr_water_percent_mean": "through the water",
     "dr_velocity_percent_mean": "through the water with the true attitude",
 }
-"""Figures in which sentences compare networks with baselines, with their words."""
+"""Numbers in which sentences compare networks with baselines, with their words."""
 COLUMNS = {
     "surge_mse": "surge MSE",
     "sway_mse": "sway MSE",
@@ -195,11 +195,11 @@ COLUMNS = {
 MOSTLY = 0.5
 """[1] Fraction of missions outside the training above which a sentence advises `learn adapt`"""
 LEAST_COMPARED = 10
-"""Smallest number of missions or dives to name a better method: a median of fewer is chance."""
+"""Least number of missions or dives for naming a better method: a median of fewer is chance."""
 
 
 def verdicts(evaluation: Figures) -> list[str]:
-    """Sentences on where the networks are better than the baselines, and where not."""
+    """Sentences on the numbers in which the networks are better or worse than the baselines."""
     sentences = []
     for key, words in JUDGED.items():
         mine = evaluation[key]
@@ -299,7 +299,7 @@ def _columns_lost(evaluation: Figures) -> list[str]:
 
 
 def _figure(figures: Figures, path: Sequence[str]) -> float | None:
-    """Figure at a path of keys; None if unknown."""
+    """Number at a path of keys; None if unknown."""
     found: Any = figures
     for key in path:
         found = None if found is None else found.get(key)
@@ -351,7 +351,7 @@ def judged_missions(figures: Figures) -> str:
 
 
 def tell_report(console: Console, run: Run) -> None:
-    """Print the figures of an evaluated run and the path of its page."""
+    """Print the numbers of an evaluated run and the path of its page."""
     figures, paper = run.figures, run.paper_figures
     assert figures is not None
     console.answer(

@@ -69,7 +69,7 @@ def _velocities_drawn(contents: Contents) -> Drawn | None:
 
 
 def _by_doppler(draw: Callable[[Shown], Drawn]) -> Callable[[Contents], Drawn | None]:
-    """Figure of the longest mission in which a Doppler log mostly had bottom lock; None without."""
+    """Figure of the longest mission in which a Doppler log mostly had bottom lock; or None."""
 
     def drawn(contents: Contents) -> Drawn | None:
         shown = with_bottom_lock(contents.test.shown)

@@ -43,7 +43,7 @@ TRUE_LINE: dict[str, Any] = {"color": style.TRUTH, "lw": 3.0, "alpha": 0.35}
 def velocity_figure(shown: Shown) -> Figure:
     """Draw predicted and true surge and sway over a mission, with the errors below.
 
-    The errors' axes fit the time after the launch from rest, whose spike would hide the rest.
+    The axes of errors fit the time after the launch from rest: the launch has far larger errors.
     """
     with style.styled():
         figure = style.new_figure(style.PAGE_WIDTH, 4.2)

@@ -1,4 +1,4 @@
-"""Checkpoint: the state of a network's training, in a file that a kill cannot damage."""
+"""Checkpoint: the state of a network's training, in a file that is replaced as a whole."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ NEEDED = {"identity", "history", "best", "best_state", "bad"}
 
 def write_checkpoint(path: Path, state: dict[str, Any]) -> None:
     """Write a checkpoint of tensors and plain values, with the entries NEEDED."""
-    saved = io.BytesIO()  # writing the file here raises OSError, which torch.save hides
+    saved = io.BytesIO()  # write the file below: torch.save would hide an OSError
     torch.save(state, saved)
-    # a kill while writing leaves the previous checkpoint
+    # if the process is killed while writing, the previous checkpoint stays
     with whole_file(path) as place:
         place.write_bytes(saved.getbuffer())
 
 
 def _check_records(checkpoint: Path) -> None:
-    """Check the CRC-32 of a checkpoint's records, which torch does not.
+    """Check the CRC-32 of a checkpoint's records, because torch does not check it.
 
     Raises:
       StoreError: a record is damaged.
@@ -49,7 +49,7 @@ def _check_records(checkpoint: Path) -> None:
 def read_checkpoint(
     path: Path, device: torch.device | str, identity: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Read a checkpoint; only tensors and plain values are ever loaded.
+    """Read a checkpoint, which may hold tensors and plain values only.
 
     Args:
       identity: settings of the present training, which must equal those in the checkpoint.
@@ -66,7 +66,7 @@ def read_checkpoint(
     try:
         saved = torch.load(path, map_location=device, weights_only=True)
         missing = NEEDED - set(saved)
-    except Exception as error:  # the reader of torch raises many kinds
+    except Exception as error:  # the reader of torch raises many types
         line = one_line(str(error)).split(". ")[0]
         raise StoreError(
             f"checkpoint {path} cannot be read ({type(error).__name__}: {line}); {remedy}"

@@ -1,7 +1,7 @@
 """Feed: the samples of missions that a training uses at one step.
 
-A network with trained memory gets windows: sections of missions with uncounted samples before them
-that warm up the network's state. A network with fixed memory gets single samples in any order: its
+A network with trained memory gets windows: sections of missions. Uncounted samples before a window
+warm up the network's state. A network with fixed memory gets single samples in any order, since its
 memory at each sample is computed once.
 """
 
@@ -111,7 +111,7 @@ class _Samples:
 
 
 class SampleFeed(Feed):
-    """Feed of single samples of all missions, with the fixed memory at each."""
+    """Feed of single samples of all missions, with the fixed memory at each sample."""
 
     def __init__(self, network: Network, sequences: Sequences, config: TrainingConfig) -> None:
         assert isinstance(network, FixedMemory)

@@ -44,7 +44,7 @@ class FitConfig:
     """Names of the inputs, in order."""
     network: NetworkConfig = dataclasses.field(default_factory=NetworkConfig)
     training: TrainingConfig = dataclasses.field(default_factory=TrainingConfig)
-    """Settings of the training; its seed is the first network's, the others' seeds follow."""
+    """Settings of the training; the first network has their seed, the others the next seeds."""
     members: int = 1
     """Networks per velocity; the standard deviation of their outputs estimates the error."""
     division: Division = "missions"
@@ -62,7 +62,7 @@ class FitConfig:
     more_stores: tuple[str, ...] = ()
     """Paths of further stores to train on."""
     hulls: str = ANY
-    """Prior knowledge of the hulls for the flight filter: a key of its `HULLS`"""
+    """Prior knowledge of the hulls: a key of `twin.navigation.flight_filter.HULLS`"""
 
     def __post_init__(self) -> None:
         if self.members < 1:
@@ -170,7 +170,7 @@ def fit_settings(
       settings: fields of `learn.FitSettings`.
 
     Raises:
-      InputError: a name is unknown, a value impossible, or a setting has no use here.
+      InputError: a name is unknown, a value is impossible, or a setting would have no effect.
     """
     own = FitSettings(**settings)
     base = continued = _resumed(resumed)
@@ -267,7 +267,7 @@ def _absolute(store: str | StorePath) -> StorePath:
 
 
 def _same_places(stores: Stores, base: FitConfig) -> tuple[str, ...]:
-    """Paths of the stores; a path to a folder of the settings' stores is replaced by theirs."""
+    """Paths of the stores; a path that leads to a store of the settings is replaced by its path."""
     known = {_absolute(store): store for store in base.stores}
     return tuple(known.get(_absolute(store), str(store)) for store in stores)
 

@@ -148,7 +148,7 @@ def _train(
     *,
     resident: bool,
 ) -> None:
-    """Train networks in a folder; each saved network adds its figures to the description."""
+    """Train networks in a folder; each saved network adds its numbers to the description."""
 
     def finished(task: Task, report: TrainingReport | None) -> None:
         results = {**description.get("networks", {}), task.job.name: _figures(task.job, report)}
@@ -170,7 +170,7 @@ def _run_to_continue(folder: Path, *, resume: bool, replace: bool) -> dict[str, 
     if _run_there(folder) is not None and not (resume or replace):
         raise InputError(f"run {folder} exists; use --resume, --overwrite or another --name")
     training = training_folder(folder, replace=replace)
-    # the replacement's folder has only a fit's files: no description means half removed
+    # a replacement's folder without a description was only half removed: start anew
     left = not replace or _described(training)
     return _run_there(training) if resume and left else None
 
@@ -277,7 +277,7 @@ def _describe(config: FitConfig, content: Sequence[str], history: str) -> dict[s
             _entry(store, one) for store, one in zip(config.more_stores, content[1:], strict=True)
         ]
     else:
-        del settings[MORE_STORES]  # older versions, which know a single store, can read the run
+        del settings[MORE_STORES]  # so that older versions, which know a single store, read the run
     origins: dict[str, dict[str, Any]] = {}
     if config.start is not None:
         first = open_run(config.start)
@@ -321,7 +321,7 @@ def _labels(config: FitConfig) -> dict[str, Any]:
 
 
 def _figures(job: TrainingJob, report: TrainingReport | None) -> dict[str, Any]:
-    """Figures of a network's training for `run.json`."""
+    """Numbers of a network's training for `run.json`."""
     if report is None:
         return {"seed": job.seed}
     return {

@@ -37,7 +37,7 @@ class FitSettings:
     """Settings of a training; None takes the resumed run's value, or the default."""
 
     network: Annotated[str | None, NETWORK] = None
-    """kind of network [default: ema, the paper's is elman]"""
+    """type of network [default: ema, the paper's is elman]"""
     hidden: int | None = None
     """units per hidden layer [default: 50]"""
     layers: int | None = None

@@ -1,4 +1,4 @@
-"""Every seam of `learn`: shipped kinds are whole, half ones are refused, users' own come in."""
+"""Extension points of `learn`: shipped types are whole, half ones refused, users' own come in."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Checks: the twin against the Fossen model and published figures, its energy, and its cost."""
+"""Checks: the twin against the Fossen model and published numbers, its energy, and its cost."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Agreement: the MuJoCo twin against the Fossen model and against published figures."""
+"""Agreement: the MuJoCo twin against the Fossen model and against published numbers."""
 
 from __future__ import annotations
 
@@ -150,8 +150,8 @@ def fly_both(
 ) -> tuple[Trajectory, FossenTrajectory]:
     """Fly one manoeuvre in both models, with the same samples.
 
-    timestep: MuJoCo's [s], None for the vehicle file's; the Fossen model's own step is no longer
-    than the file's.
+    timestep: MuJoCo's [s]; None: the vehicle file's. The Fossen model steps by DEFAULT_DT, or by
+    the file's step if that is shorter.
     """
     scenario = manoeuvre.scenario(vehicle, duration=duration, timestep=timestep)
     start = manoeuvre.start
@@ -168,13 +168,13 @@ def fly_both(
         rates=start.rates,
         actuators=start.positions(vehicle.part_names, vehicle.rest),
     )
-    # a vehicle whose file has a shorter step is too stiff for the default one here as well
+    # a vehicle whose file has a shorter step is too stiff for DEFAULT_DT in this model too
     dt = min(DEFAULT_DT, file_timestep(vehicle))
     return simulate(scenario), fossen.simulate(state, manoeuvre.schedule, duration, dt=dt)
 
 
 def compare(ours: Trajectory, theirs: Trajectory | FossenTrajectory, seed: int) -> Difference:
-    """Compute the three figures of agreement of two runs with the same sample times."""
+    """Compute the three numbers of agreement of two runs with the same sample times."""
     speed = np.linalg.norm(ours.v_rel, axis=1) - np.linalg.norm(theirs.v_rel, axis=1)
     relative = np.einsum("tji,tjk->tik", _to_ned(ours), _to_ned(theirs))
     # the sine of half the angle is accurate for small angles, and the cosine is not
@@ -286,7 +286,7 @@ def ends_apart(time: float, state: Array, theirs: Trajectory | SimulationUnstabl
 def check_published(vehicle: Vehicle | None = None) -> list[tuple[PublishedMotion, str, Trim]]:
     """Compute every published motion with both models: (motion, model name, trim).
 
-    vehicle: only its motions; none if the vehicle differs from the shipped one of its name.
+    vehicle: compute only its motions, and none if it differs from the shipped vehicle of its name.
     """
     name = None if vehicle is None else vehicle.name
     if vehicle is not None and not _is_shipped(vehicle):

@@ -35,8 +35,8 @@ LIMITS = {
     "attitude_deg": ATTITUDE_LIMIT,
     "position_percent": POSITION_LIMIT,
 }
-"""Limits of each figure of `Difference` for the fraction WITHIN of the manoeuvres; the limit for
-all of them is FARTHEST times as large."""
+"""Limits of the numbers of `Difference` for the fraction WITHIN of the manoeuvres. The limit for
+every manoeuvre is FARTHEST times as large."""
 WITHIN, FARTHEST = 0.99, 5.0
 QUANTILES = (0.5, 0.9, WITHIN, 1.0)
 STEPPED = 2
@@ -47,15 +47,15 @@ FINER = 20
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Steps:
-    """Effect of the steps in one vehicle's manoeuvres, from STEPPED of them."""
+    """Effect of the time step in STEPPED manoeuvres of one vehicle."""
 
     timestep_s: float
     """Step of the vehicle file [s]."""
     lanes_error: Difference
-    """Lanes at that step against a FINER one: the largest of each figure."""
+    """Lanes at `timestep_s` minus lanes at `timestep_s` / FINER: the largest of each number."""
     falls: dict[str, float]
-    """Median ratio by engine: change of RMS speed from this step to half of it, divided by the
-    change from half to a quarter. Four means order 2."""
+    """Median ratio by engine: change of RMS speed from the whole to half the step, divided by the
+    change from half to a quarter. A ratio of four means order 2."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -70,7 +70,7 @@ class VehicleAgreement:
     """Effect of the steps; None if no manoeuvre was flown to its end."""
 
     def beyond(self) -> list[str]:
-        """Texts about the figures beyond the limits."""
+        """Texts about the numbers beyond the limits."""
         found = [f"{self.vehicle}: manoeuvre {seed} went unstable" for seed in self.unstable]
         for name, values in quantiles(self.differences).items():
             limit = LIMITS[name]
@@ -97,11 +97,11 @@ class EngineCheck:
         return [difference for one in self.vehicles for difference in one.differences]
 
     def beyond(self) -> list[str]:
-        """Texts about the figures beyond the limits, vehicle by vehicle."""
+        """Texts about the numbers beyond the limits, vehicle by vehicle."""
         return [text for one in self.vehicles for text in one.beyond()]
 
     def worst(self) -> tuple[str, Difference] | None:
-        """Vehicle and difference with the largest figure relative to its limit, if any flew."""
+        """Vehicle and difference with the largest number relative to its limit, if any flew."""
         pairs = [(one.vehicle, each) for one in self.vehicles for each in one.differences]
 
         def size(pair: tuple[str, Difference]) -> float:
@@ -133,7 +133,7 @@ class EngineCheck:
 
 
 def quantiles(differences: Sequence[Difference]) -> dict[str, dict[str, float]]:
-    """Quantiles of each figure of LIMITS, by percentage; empty without differences."""
+    """Quantiles of each number of LIMITS, by percentage; empty without differences."""
     return {
         name: {
             f"{100.0 * share:g}": float(
@@ -157,7 +157,7 @@ def check_engines(
     """Fly `count` manoeuvres by both engines, with the vehicles in turn.
 
     Args:
-      seed: of the first manoeuvre; each is `draw_manoeuvre` of its vehicle and its own seed.
+      seed: seed of the first manoeuvre; each next manoeuvre has the next seed.
       watch: called with the number of manoeuvres flown since the last call.
     """
     found = []

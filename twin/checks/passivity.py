@@ -35,7 +35,7 @@ Wrenches = Callable[[Array], Array]
 
 MODELS = ("mujoco", "fossen")
 SPEEDS = (0.1, 0.3, 1.0)
-"""[m/s] Initial speeds: below the lower bound of rate damping; of gliders; of propelled ones."""
+"""[m/s] Initial speeds: below the lower bound of rate damping, of gliders, under propeller."""
 DIRECTIONS = {
     "ahead": (1.0, 0.0, 0.0),
     "astern": (-1.0, 0.0, 0.0),
@@ -55,15 +55,15 @@ SPINS = {
 SLOW, FAST = 0.3, 3.0
 """[1] Initial rates: hull lengths that the tip moves sideways per hull length of motion."""
 ROLLS = 3.0
-"""[1] Factor on roll rates: a hull's diameter is small, so it rolls faster than it pitches."""
+"""[1] Factor on roll rates: a slender hull rolls faster than it pitches."""
 STEP = 0.3
 """[1] Step as a fraction of the fastest decay time; Runge-Kutta's energy is then right to 1e-6."""
 ROUNDS, RENEWED = 320, 16
-"""Largest number of steps in a decay, and of steps until their length is chosen anew."""
+"""Most steps in a decay, and number of steps after which the step length is chosen anew."""
 SPENT = 0.5
 """[1] Fraction of the initial energy below which a decay ends."""
 LARGEST_GAIN = 1e-5
-"""[1] Largest gain, as a fraction of the initial energy, that counts as rounding."""
+"""[1] Gain, as a fraction of the initial energy, up to which it counts as rounding."""
 DEEP = 1e3
 """[m] Depth of every part."""
 PLACED = 5
@@ -72,14 +72,14 @@ PLACED = 5
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Decay:
-    """Start from which a vehicle's energy rises the most, or falls the least."""
+    """Initial motion whose energy rises the most, or falls the least, and its gain."""
 
     model: str
     """Model whose code is checked, one of MODELS."""
     motion: str
     """Initial motion in words: direction, spin, speed."""
     gain: float
-    """Largest energy divided by the initial one, minus 1 [1]; 0: the energy never rose."""
+    """[1] Largest energy divided by the initial energy, minus 1; 0: the energy never rose."""
 
     @property
     def ok(self) -> bool:
@@ -87,7 +87,7 @@ class Decay:
         return self.gain <= LARGEST_GAIN
 
     def text(self, vehicle: Vehicle) -> str:
-        """Text about a vehicle that is not passive: what happens, and what to look at."""
+        """Text about a vehicle that is not passive: the gain, its motion, and what to check."""
         return (
             f"vehicle {vehicle.name!r} gains {100.0 * self.gain:.3g} % of its energy from still "
             f"water when it moves {self.motion} ({self.model}): its hull law ({vehicle.law.kind}) "

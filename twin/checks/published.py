@@ -1,4 +1,4 @@
-"""Published motions: figures that a vehicle file must reproduce, from assets/published.toml.
+"""Published motions: numbers that a vehicle file must reproduce, from assets/published.toml.
 
 They include steady motions of propelled vehicles that a rudder or an elevator holds.
 """
@@ -29,12 +29,12 @@ FIGURES = {
     "turn_rate": "turn_rate_rad_s",
     "vertical_speed": "vertical_speed_m_s",
 }
-"""Published figures that a motion can have, and their fields of `Trim`."""
+"""Field of `Trim` by the name of a published number."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PublishedMotion:
-    """Steady motion in print; None for a figure that was not published."""
+    """Steady motion in print; None for a number that was not published."""
 
     vehicle: str
     source: str
@@ -56,7 +56,7 @@ class PublishedMotion:
     """Tolerances: speed, vertical_speed [m/s], angle [deg], turn_rate [rad/s]."""
 
     def differences(self, trim: Trim) -> dict[str, float]:
-        """Differences, computed minus published, of each published figure."""
+        """Differences, computed minus published, of each published number."""
         printed = {name: getattr(self, name) for name in FIGURES}
         return {
             name: getattr(trim, FIGURES[name]) - value
@@ -65,7 +65,7 @@ class PublishedMotion:
         }
 
     def violations(self, trim: Trim) -> list[str]:
-        """Texts, one for each figure beyond its tolerance."""
+        """Texts, one for each number beyond its tolerance."""
         return [
             f"{name} off by {value:.4g} (allowed {self._limit(name):.4g})"
             for name, value in self.differences(trim).items()
@@ -98,7 +98,7 @@ class PublishedFlight(PublishedMotion):
     """Propelled motion in which an elevator keeps the depth or a pitch."""
 
     positions: Mapping[str, float]
-    """Positions of parts by name, in their units; a rudder left out keeps motion straight."""
+    """Positions of parts by name, in their units; a missing rudder position: straight motion."""
     held_pitch: float | None = None
     """Pitch that the elevator holds [deg]; None: it keeps the depth."""
 

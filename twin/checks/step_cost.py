@@ -33,9 +33,9 @@ from twin.water.current.base import parse_current
 from twin.water.density import parse_density
 
 ROUNDS, BATCHES = 40, 3
-"""Number of measured pairs, whose order alternates; and of batches."""
+"""Number of measured pairs of stretches, whose order alternates; number of batches."""
 STEPS = 2000
-"""Steps per timed stretch: about 5 ms, shorter than a time slice of other processes."""
+"""Steps per timed stretch: about 5 ms, shorter than another process's time slice."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -66,7 +66,7 @@ class BenchResult:
 
 
 def bench(vehicle: Vehicle, *, threads: int, rounds: int = ROUNDS) -> BenchResult:
-    """Measure all costs; noise of the machine affects both sides of each pair alike."""
+    """Measure all costs; other work of the machine slows both stretches of a pair alike."""
     rng = np.random.default_rng(0)
     command = tuple(part.manoeuvre(rng, 1.0, vehicle) for part in vehicle.parts)
     start = Start(depth=500.0, v_rel=(0.4, 0.0, 0.0), actuators=command)
@@ -157,8 +157,8 @@ ALONE = 2000
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LanesBenchResult:
-    """Costs of lanes, each the best of three. One-core costs use processor time, which other
-    work on the machine does not change."""
+    """Costs of lanes, each the best of three. Costs on one core are in processor time, which
+    other work on the machine does not change."""
 
     times_real_time: float
     """Simulated over wall time of closed-loop missions on `threads`, with water, guidance, log."""

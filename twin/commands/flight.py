@@ -28,7 +28,7 @@ class EstimateFlight(JsonOption):
     """store of logs, as `factory import` writes it, or a simulated store with sensors"""
     vehicle: str | None = None
     """vehicle that made the logs: a file of `twin identify`, or a shipped name; default: the
-    shipped vehicle of the log's kind, or the vehicle of a simulated store"""
+    shipped vehicle of the log's type, or the vehicle of a simulated store"""
     out: Path = Path("flight.nc")
     """file to write: .nc (netCDF) or .zarr"""
     overwrite: bool = False
@@ -156,7 +156,7 @@ class AccountEnergy(JsonOption):
     """store of logs, as `factory import` writes it, with a counter of charge and a voltage"""
     vehicle: str | None = None
     """vehicle that made the logs: a file of `twin identify`, or a shipped name; default: the
-    shipped vehicle of the log's kind"""
+    shipped vehicle of the log's type"""
     missions: str = "all"
     """missions of the store, such as 0-11,14"""
     energy_left_kwh: float | None = None

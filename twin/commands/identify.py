@@ -44,7 +44,7 @@ class Identify(JsonOption):
     """store of logs, as `factory import` writes it, or a simulated store with sensors"""
     vehicle: str | None = None
     """vehicle to start from: shipped name, or the path of an MJCF file; default: the shipped
-    vehicle of the log's kind, or the vehicle of a simulated store"""
+    vehicle of the log's type, or the vehicle of a simulated store"""
     dimensions: tuple[str, ...] = ()
     """dimensions of a propelled vehicle without a file, in place of --vehicle: length=1.33
     diameter=0.19 mass=30.5 [m, kg], and if known fin_area [m2], fin_place [m ahead of the middle],

@@ -58,7 +58,7 @@ class PlotMission:
     missing [default: plots]; older figures are replaced without asking"""
     vehicle: str | None = None
     """for a log: vehicle whose flight model gives the velocities, a file of `twin identify` or a
-    shipped name; default: the shipped vehicle of the log's kind"""
+    shipped name; default: the shipped vehicle of the log's type"""
     tracks: Path | None = None
     """file of dead-reckoned tracks (.nc, .zarr, .npz or .csv) to draw beside the true one"""
     only: str | None = None

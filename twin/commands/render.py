@@ -90,7 +90,7 @@ class Render(JsonOption):
     """first line of the picture; default: from the store"""
     vehicle: str | None = None
     """for a log: vehicle to draw, by name or MJCF file (:PRESET behind it), whose flight model
-    gives the velocities; default: the shipped vehicle of the log's kind"""
+    gives the velocities; default: the shipped vehicle of the log's type"""
     workers: int | None = None
     """number of processes that draw a video; default: one per core"""
 

@@ -1,7 +1,7 @@
 """Compiled functions, kept between processes under a hash of everything they are made from.
 
 `jit` compiles a function at its first call, `cfunc` makes a C callback, and `dispatch` makes one
-function from a table of kinds. None of them loads numba before something is compiled.
+function from a table of types. None of them loads numba before something is compiled.
 """
 
 import os

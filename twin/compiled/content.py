@@ -3,7 +3,7 @@
 Compiled code holds copies of the functions that it calls and of the constants that it reads. Its
 content is therefore its module and all modules imported from there, directly or not; the dispatch
 tables that it calls, directly or not, with the modules of their kernels; and the compiler's
-versions. A new kind in a table invalidates only that table's callers. The standard library and
+versions. A new type in a table invalidates only that table's callers. The standard library and
 other packages in site-packages are left out. Imports are found in the text, without running it.
 """
 
@@ -49,7 +49,7 @@ def generation() -> int:
 
 
 def changed() -> None:
-    """Start a new generation; code that registers a kind calls this."""
+    """Start a new generation; code that registers a type calls this."""
     global _generation
     _generation += 1
     _called.clear()

@@ -1,6 +1,6 @@
 """Functions compiled by numba at the first call and kept by their content.
 
-The body of a generated function is written as text, such as a branch for each kind of a table.
+The body of a generated function is written as text, such as a branch for each type of a table.
 """
 
 from __future__ import annotations

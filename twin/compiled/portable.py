@@ -1,7 +1,7 @@
 """Portable: a second compilation of a function, with the same bits on every processor.
 
 The last bit of `math.cos` and similar functions depends on the C library and the instructions that
-it chooses. The MuJoCo twin calls them, and its bytes must not change. The batched engine (lanes)
+it chooses. The MuJoCo twin calls `math`, so that the bytes of its stores stay. The batched engine
 must give one result everywhere. Both use one source: `portable(function)` compiles the function
 again with `twin.compiled.elementary` for `math`, in all compiled functions that it calls too.
 Functions that `elementary` lacks stay those of the C library.
@@ -109,9 +109,9 @@ def calls_math(function: Compiled, callers: frozenset[Compiled] = frozenset()) -
 
 @intrinsic
 def call_rate(typingctx, function, block, g):  # type: ignore[no-untyped-def]
-    """Call a structure's function at an address, with the address of a block.
+    """Call the function at the address `function` with the address `block` and the vector `g`.
 
-    The caller keeps both alive while the compiled code runs.
+    The caller keeps function and block alive while the compiled code runs.
     """
 
     def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]

@@ -1,4 +1,4 @@
-"""Believed: a vehicle's state as estimated on board, with the measurements of `Physics`."""
+"""Believed: a vehicle's state as estimated on board, by methods named as those of `Physics`."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ LARGEST_SEED = 2**31
 class Believed:
     """State estimate from which observations of a navigated environment are made.
 
-    It has only those measurements of `Physics` that can be known on board.
+    Methods of `Physics` whose values cannot be known on board are missing.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Believed:
         self.restart(np.random.RandomState(0))
 
     def restart(self, random: np.random.RandomState) -> None:
-        """Start an episode with the next `look`; `random` samples the sensors' errors."""
+        """End the episode; the next `look` starts another, with sensor errors from `random`."""
         self._random = random
         self._on_board: OnBoard | None = None
         self._time = -math.inf
@@ -85,7 +85,7 @@ class Believed:
 
     def _begin(self, physics: Physics, floor: Array, current: Array) -> OnBoard:
         seed = int(self._random.randint(LARGEST_SEED))
-        depth = max(physics.depth(), 0.1)  # the vehicle of a `Start` is under water
+        depth = max(physics.depth(), 0.1)  # a `Start` needs a depth above 0
         scenario = Scenario(
             vehicle=self.vehicle,
             navigate=dataclasses.replace(self._navigation, seed=seed),

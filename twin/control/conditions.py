@@ -1,8 +1,8 @@
-"""Conditions: errors of the vehicle and water of an episode, beyond those that a task samples.
+"""Conditions: errors of an episode's vehicle and water, besides the start that its task samples.
 
-`randomise` of an environment samples them anew for every episode. It is an object with a method
-`draw`, or the settings of a registered one: a name, or a mapping from parameters to distributions.
-A plugin adds its own kind under the entry-point group `glider_twin.randomisers`. The sampled
+The argument `randomise` of an environment gives new conditions to every episode. It is an object
+with a method `draw`, a registered randomiser's name, or distributions by parameter.
+A plugin adds its own type under the entry-point group `glider_twin.randomisers`. The sampled
 conditions are written into a MuJoCo model here, and its vehicle is put at its start.
 """
 
@@ -30,21 +30,21 @@ from twin.water.current.sampler import sample
 from twin.water.density import DensityProfile
 
 TABLE, BASE = "table", "preset"
-"""Default randomiser of a mapping, and the key of a mapping that names another one."""
+"""Randomiser that a mapping gets by default, and the mapping's key for another randomiser."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Conditions:
-    """Vehicle and water of one episode; None keeps those of the vehicle file and the task."""
+    """Vehicle and water of one episode; None keeps the vehicle file's or the task's value."""
 
     vehicle: Vehicle | None = None
-    """Real vehicle; the task, its policy and the trims use the one of the file."""
+    """Vehicle that is flown; the task, its policy and the trims use the vehicle of the file."""
     ballast: Ballast | None = None
     """Ballasting of the vehicle."""
     encoder_zeros: Mapping[str, float] = dataclasses.field(default_factory=dict)
     """Positions of parts whose encoders read 0, by name, in the parts' units."""
     current: Current | None = None
-    """Current that is added to the one that the task samples."""
+    """Current that is added to the task's sampled current."""
     origin: Origin | None = None
     """Place for which the current is compiled; None: `Origin()`."""
     density: DensityProfile | None = None
@@ -86,7 +86,7 @@ def check_randomiser(name: str, kind: Any) -> Maker:
 
 
 RANDOMISERS: Registry[Maker] = seams.RANDOMISERS
-"""Registry of the functions that make randomisers, by name."""
+"""Functions that make randomisers, by name."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -147,7 +147,7 @@ OF_THE_VEHICLE = ("qpos0", "body_ipos", "dof_invweight0", "dof_M0", "body_invwei
 
 
 class Nominal:
-    """Nominal values of all that conditions change in a model."""
+    """Nominal values of everything in a model that conditions change."""
 
     def __init__(self, model: mujoco.MjModel):
         """Copy the values of a model that has no water of its own yet."""
@@ -212,7 +212,7 @@ def place_vehicle(
 ) -> None:
     """Write a start into freshly reset data, relative to the current that the model carries.
 
-    The start is that of the file's vehicle; the errors of a real one act from there on.
+    The start belongs to the file's vehicle; the errors of the flown vehicle act from then on.
     """
     program, water = table(model, "current"), np.zeros(3)
     if program.size:

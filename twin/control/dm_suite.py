@@ -83,8 +83,8 @@ from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 class SuitePhysics(dm_mujoco.Physics, Physics):
     """Vehicle in water: `dm_control.mujoco.Physics` with the twin's model and callbacks.
 
-    Build it with `from_vehicle`. Models from elsewhere than `compile_model` are refused, because
-    they would move in vacuum. Copies, pickles and binary models carry their water with them.
+    Build it with `from_vehicle`. Models that `compile_model` did not make are refused, because they
+    would move in vacuum. Copies, pickles and binary models carry their water with them.
     """
 
     unstable: ClassVar[type[Exception]] = control.PhysicsError
@@ -204,7 +204,7 @@ class SuiteEnvironment(control.Environment):
         """Wrap an environment of this project, whose physics becomes a `SuitePhysics`.
 
         Args:
-          flat_observation: one array instead of named ones. legacy_step: see dm_control.
+          flat_observation: one array instead of one by name. legacy_step: see dm_control.
         """
         physics = SuitePhysics.from_model(own.physics.mj_model)
         own.physics = physics

@@ -75,7 +75,7 @@ class Environment:
         navigation = Navigation.of(navigate)
         self.physics, self.task, self.substeps = physics, task, substeps
         self.limit = math.inf
-        """Steps of an episode, not necessarily a whole number."""
+        """Control periods in an episode, not necessarily a whole number."""
         if time_limit != math.inf:
             self.limit = time_limit / (physics.timestep() * substeps)
         self.count = 0

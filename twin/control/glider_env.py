@@ -19,11 +19,11 @@ from twin.errors import InputError, UnknownName, unknown_name
 OWN = ("observation", "noise", "render_mode", "render_kwargs")
 """Arguments of `GliderEnv` itself."""
 LOADS = ("random", "environment_kwargs", "task_kwargs")
-"""Arguments of `twin.control.load` that take another form here."""
+"""Arguments of `twin.control.load` that `GliderEnv` takes in another form."""
 VECTORS = ("engine", "threads", "autoreset_mode")
 """Arguments of `GliderVectorEnv` that do not apply to one vehicle."""
 TAKEN = tuple(name for name in SETTINGS if name != "raise_on_instability")
-"""Settings of the inner `Environment`; all other arguments are the task's."""
+"""Settings that go to the inner `Environment`; all other arguments go to the task."""
 RENDER_MODES = ("rgb_array",)
 
 
@@ -34,7 +34,7 @@ def load_task(
 
     Args:
       own: arguments of the Gymnasium environment itself, for error messages.
-      refused: names in TAKEN that it refuses.
+      refused: names in TAKEN that the Gymnasium environment refuses.
 
     Raises:
       InputError: an argument belongs to another interface; and the errors of `twin.control.load`.

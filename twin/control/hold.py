@@ -40,7 +40,7 @@ PITCH_BAND, PITCH_MARGIN = math.radians(1.0), math.radians(20.0)
 HEADING_BAND, HEADING_MARGIN = math.radians(2.0), math.radians(60.0)
 """[rad] Heading error with full reward, and margin beyond it at which the reward is 0.1."""
 SPEED_SHARE = 0.5
-"""[1] Fraction of the cruise speed at which the reward is full; a drifting hull earns nothing."""
+"""[1] Fraction of the cruise speed from which on the reward is full; a drifting hull gets none."""
 
 
 def hold(

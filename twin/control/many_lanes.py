@@ -91,7 +91,7 @@ class ManyLanes:
         """Write the start of a vehicle, like `twin.control.many.ManyPhysics.place`.
 
         Raises:
-          VehicleError: the real vehicle has parts or a hull law of another kind.
+          VehicleError: the real vehicle has parts or a hull law of another type.
         """
         (index,) = at
         structure, numbers, real = self._structure, self._numbers, self.vehicle

@@ -202,7 +202,7 @@ class Observations:
           deviations: standard deviations of noise, by name; see `Noise`.
 
         Raises:
-          InputError: an unknown kind.
+          InputError: an unknown type.
         """
         if kind not in KINDS:
             raise InputError(unknown_name("observation", str(kind), KINDS))

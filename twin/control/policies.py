@@ -23,7 +23,7 @@ Policy = Callable[[Any], Array]
 
 
 class Flown(Protocol):
-    """Interface of the environments, of any kind, that a policy can fly."""
+    """Interface of the environments, of any type, that a policy can fly."""
 
     @property
     def task(self) -> GliderTask:

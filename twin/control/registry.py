@@ -42,7 +42,7 @@ def check_task(name: str, maker: Any) -> Maker:
 
 
 TASKS: Registry[Maker] = seams.TASKS
-"""Registry of the functions that make the tasks, by name."""
+"""Functions that make the tasks, by name."""
 
 register = TASKS.add
 """Register a task of your own under its function's name; usable as a decorator."""

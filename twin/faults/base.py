@@ -1,8 +1,8 @@
-"""Fault: the base class, its registry, and the condition of a vehicle with faults.
+"""Fault: the base class, the table of its types, and the condition of a vehicle with faults.
 
-A fault changes numbers of a vehicle as a function of time. `change` changes its law, volume, mass,
-parts, losses and batteries; `readings` changes the readings of its sensors. Every engine flies the
-changed numbers and needs no code for faults.
+A fault changes numbers of a vehicle as a function of time. `change` changes the hull law, volume,
+mass, parts, losses and batteries; `readings` changes the readings of sensors. Every engine flies
+the changed vehicle and needs no code for faults.
 
     flown = twin.Scenario(mission=mission, faults=twin.parse_faults("fouling:per_day=0.02,from=3d"))
 """
@@ -33,7 +33,7 @@ Readings = Mapping[str, Array]
 DAY = 86400.0
 """[s] Length of a day."""
 KNOT = 600.0
-"""[s] Time step of a growing fault: the growth in between is below a sensor's resolution."""
+"""[s] Time step of a growing fault: the growth in one step is below a sensor's resolution."""
 FROM = "from"
 """Command-line name of the time at which a fault begins."""
 UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": DAY}
@@ -48,7 +48,7 @@ class Condition:
     volume: float
     """[m3] Displaced volume with the pumps at neutral, at zero pressure."""
     zeros: Mapping[str, float]
-    """Position of a part when its encoder reads 0, by name, in the part's unit."""
+    """Position of a part when its encoder reads 0, by the part's name, in the part's unit."""
     consumption: Consumption
     packs: float = 1.0
     """Fraction of the batteries that is connected."""
@@ -59,7 +59,7 @@ class Condition:
     echoes_lost: float = 0.0
     """Fraction of the altimeter returns that guidance does not receive."""
     taken: float = 0.0
-    """[m3] Water inside the hull, which compresses the air there."""
+    """[m3] Water inside the hull, which compresses the air in the hull."""
 
     def replace(self, **changes: Any) -> Condition:
         """Return a copy with other fields."""
@@ -70,7 +70,7 @@ class Condition:
         return self.replace(vehicle=self.vehicle.replace(**changes))
 
     def with_mass(self, kilograms: float, place: Sequence[float], volume: float = 0.0) -> Condition:
-        """Return a copy with `kilograms` added to the hull, or taken from it where negative.
+        """Return a copy with `kilograms` added to the hull, or removed if negative.
 
         Args:
           place: centre of gravity of the added mass [m], body FRD about the CB, shape (3,).
@@ -80,7 +80,7 @@ class Condition:
         static = vehicle.static_mass + kilograms
         at = np.asarray(place, float)
         cg = (vehicle.static_mass * vehicle.static_cg + kilograms * at) / static
-        # parallel axes, about the centre of gravity of the fixed block
+        # parallel-axis theorem, about the centre of gravity of the fixed block
         before, own = at - vehicle.static_cg, vehicle.static_mass * kilograms / static
         inertia = vehicle.static_inertia + own * (
             before @ before * np.eye(3) - np.outer(before, before)
@@ -100,7 +100,7 @@ class Fault:
     """A defect of a vehicle that begins at a given time."""
 
     kind: ClassVar[str] = ""
-    """Name of the kind on the command line and in stores."""
+    """Name of the type on the command line and in stores."""
     says: ClassVar[str] = ""
     """Name of the fault in a pilot's words."""
     size_name: ClassVar[str] = ""
@@ -108,7 +108,7 @@ class Fault:
     unit: ClassVar[str] = "1"
     """Unit of the size."""
     sizes: ClassVar[tuple[float, float]] = (1.0, 1.0)
-    """Smallest and largest size that deployments sample."""
+    """Smallest and largest size in sampled deployments."""
     most: ClassVar[float] = 1.0
     """Largest possible size."""
     whole: ClassVar[bool] = True
@@ -149,7 +149,7 @@ class Fault:
         for problem in problems:
             raise InputError(f"fault {self.kind}: {problem}")
 
-    # --- methods of a kind ------------------------------------------------------------------------
+    # --- methods of a type ------------------------------------------------------------------------
 
     @classmethod
     def unfit(cls, vehicle: Vehicle) -> str:
@@ -169,15 +169,15 @@ class Fault:
 
         Args:
           signals: readings of the sensors, and the truth where there is one, shape (n,).
-          size: of the fault at each sample, 0 before the fault begins.
+          size: size of the fault at each sample, 0 before the fault begins.
           period: [s] between samples.
         """
         return {}
 
     def begin(self) -> FaultRun:
-        """Begin to change readings, one stretch of a mission after the other.
+        """Begin a run, which changes the readings of consecutive stretches of a mission.
 
-        A kind whose readings depend on earlier samples returns a run that remembers them.
+        If readings depend on earlier samples, the run remembers these samples.
         """
         return FaultRun(self)
 
@@ -195,7 +195,7 @@ class Fault:
         """Prefixes of the names of geoms in the vehicle file that pictures leave out."""
         return ()
 
-    # --- methods common to all kinds --------------------------------------------------------------
+    # --- methods common to all types --------------------------------------------------------------
 
     @property
     def size(self) -> float:
@@ -223,7 +223,7 @@ class Fault:
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """Describe the first missing piece of a kind."""
+        """Describe the first text, size or method that a type lacks; empty if it is complete."""
         if cls.size_name not in {field.name for field in dataclasses.fields(cls)}:
             return f"it lacks the field {cls.size_name!r} that `size_name` names"
         if cls.change is Fault.change and cls.readings is Fault.readings:
@@ -233,7 +233,7 @@ class Fault:
 
 @dataclasses.dataclass(eq=False)
 class FaultRun:
-    """A fault at work in one mission, one stretch of samples after the other."""
+    """Run of a fault through one mission, in consecutive stretches of samples."""
 
     fault: Fault
     carried: Array = dataclasses.field(default_factory=lambda: np.zeros(0))
@@ -245,14 +245,14 @@ class FaultRun:
 
 
 FAULTS: Registry[type[Fault]] = seams.FAULTS
-"""All kinds of fault by name."""
+"""All types of fault by name."""
 
 register = FAULTS.add
-"""Register your own kind of fault; usable as a decorator."""
+"""Register your own type of fault; usable as a decorator."""
 
 
 def faults_of(vehicle: Vehicle) -> tuple[str, ...]:
-    """Names of the kinds of fault that a vehicle can have."""
+    """Names of the types of fault that a vehicle can have."""
     return tuple(name for name, kind in FAULTS.items() if not kind.unfit(vehicle))
 
 
@@ -288,7 +288,7 @@ def condition_at(faults: Sequence[Fault], healthy: Condition, time: float) -> Co
     """Condition of a vehicle at one time [s]."""
     found = healthy
     for fault in faults:
-        # the size is constant until the next step: take its value half a step later
+        # the size stays constant until the next step: use the size in the middle of the step
         size = float(fault.at(time + 0.5 * KNOT if fault.grows and time >= fault.start else time))
         if size:
             found = fault.change(found, size)
@@ -298,10 +298,10 @@ def condition_at(faults: Sequence[Fault], healthy: Condition, time: float) -> Co
 def read_by(
     faults: Sequence[Fault], signals: Readings, time: Array, rng: Generator, *, period: float
 ) -> dict[str, Array]:
-    """Change measured signals as faulty sensors do; returns the changed ones by name.
+    """Change measured signals as faulty sensors do; returns the changed signals by name.
 
     Args:
-      signals: of one run, shape (n,). time: [s] on the clock of the faults, shape (n,).
+      signals: signals of one run, (n,). time: [s] on the clock of the faults, shape (n,).
       period: [s] between samples.
     """
     found: dict[str, Array] = {}
@@ -313,7 +313,7 @@ def read_by(
 
 
 def fault_from_dict(data: Mapping[str, Any]) -> Fault:
-    """Rebuild a fault from `Fault.describe`; raises InputError for an unknown kind or field."""
+    """Rebuild a fault from `Fault.describe`; raises InputError for an unknown type or field."""
     kind = FAULTS[str(data.get("kind"))]
     fields = {name: value for name, value in data.items() if name != "kind"}
     known = [field.name for field in dataclasses.fields(kind)]
@@ -326,10 +326,10 @@ def fault_from_dict(data: Mapping[str, Any]) -> Fault:
 def parse_faults(words: str | Sequence[str]) -> tuple[Fault, ...]:
     """Parse faults in words such as `fouling:per_day=0.02,from=3d` or `wing_lost:side=port`.
 
-    Settings are the kind's fields; `from` is a time with its unit (s, min, h, d), 0 by default.
+    Settings are the type's fields; `from` is a time with its unit (s, min, h, d), 0 by default.
 
     Raises:
-      InputError: a kind or setting is unknown, or a value is impossible.
+      InputError: a type or setting is unknown, or a value is impossible.
     """
     return tuple(_parse(word) for word in ([words] if isinstance(words, str) else words))
 

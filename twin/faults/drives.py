@@ -27,13 +27,13 @@ class _DriveFault(Fault):
     axis: ClassVar[str]
     """Axis, as an argument of `Vehicle.steered`."""
     missing: ClassVar[str]
-    """Text, after "has", for a vehicle without the part: "no pump"."""
+    """Text that follows "has" in the reason for a vehicle without the part: "no pump"."""
     must: ClassVar[tuple[str, str] | None] = None
     """Attribute of the part and its required value."""
 
     @classmethod
     def unfit(cls, vehicle: Vehicle) -> str:
-        """Reject vehicles without the part; see `Fault.unfit`."""
+        """Reason if the vehicle lacks the part; empty otherwise."""
         drive = vehicle.steered(cls.axis)
         if drive is None or (cls.must and getattr(drive, cls.must[0]) != cls.must[1]):
             return f"has {cls.missing}"
@@ -69,8 +69,8 @@ class TurnStuck(_DriveFault):
     """Fraction of the drive's rate that is lost"""
 
     def expected(self, way: Array) -> Mapping[str, Array]:
-        """Fewer moves and a larger heading error. The numbers are rough: they depend on waves,
-        which the twin's flights for health do not have."""
+        """Fewer moves and a larger heading error. Both numbers are rough: they depend on waves, and
+        the twin's flights for health have none."""
         one = np.ones(len(way))
         return {"turn_moves": -5.0 * one, "heading_error": 3.0 * one}
 
@@ -137,7 +137,7 @@ class PitchSlips(_DriveFault):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PumpWeak(_DriveFault):
-    """A worn pump: slower, and more energy for the same volume."""
+    """A worn pump, which is slower and needs more energy for the same volume."""
 
     kind = "pump_weak"
     says = "the pump is weak"
@@ -165,7 +165,7 @@ class PumpWeak(_DriveFault):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PumpAir(_DriveFault):
-    """Air in the oil: the encoder counts its volume, but the sea's pressure compresses it."""
+    """Air in the oil: the encoder counts the air's volume, but the sea's pressure compresses it."""
 
     kind = "pump_air"
     says = "air in the pump's oil"
@@ -181,10 +181,10 @@ class PumpAir(_DriveFault):
     find_out = "compare buoyancy near the surface and below 50 m; bleed the oil"
 
     volume: float = 40.0
-    """[cm3] Volume of the air at the surface; at depth it vanishes"""
+    """[cm3] Volume of the air at the surface; the volume vanishes at depth"""
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """Reduce the volume at all depths by the air's (true below 10 m), and the pumping work."""
+        """Reduce volume and pumping work as if the air had no volume (true below 10 m)."""
         pump = self.drive(condition)
         pumped = 1.0 - min(size / (pump.high - pump.low), 0.5)
         better = min(condition.consumption.pump_efficiency / pumped, 1.0)

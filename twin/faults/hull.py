@@ -23,8 +23,8 @@ BODY_LIFT = 0.25
 WING_DRAG = 0.2
 """Fraction of the zero-lift drag that the wings have: their fraction of the wetted surface."""
 SPAN = 0.2
-"""Lever of a wing's forces and weight, as a fraction of the hull's length: the middle of a wing of
-0.4 m on a hull of 1.8 m, with the hull's radius."""
+"""Lever of a wing's forces and weight, as a fraction of the hull's length. The middle of a wing of
+0.4 m beside a hull of 1.8 m is at 0.3 m, hull radius included: 0.17, rounded up."""
 LEAST_VISIBLE_LOSS = 0.5
 """Smallest lost fraction of a wing at which pictures leave the wing out."""
 WING_WEIGHT = 0.0008
@@ -34,7 +34,7 @@ LIFT_LOSS = 0.3
 OBJECT_DEPTH = 0.25
 """Distance of an attached object below the axis, in hull diameters."""
 GROWTH_WEIGHT = 0.0004
-"""Weight of growth in water, as a fraction of the vehicle's, at doubled drag: 20 g on 50 kg."""
+"""Weight in water of growth that doubles the drag, relative to the vehicle's: 20 g on 50 kg."""
 LITRE = 1e-3
 """[m3] Volume of one litre."""
 
@@ -64,13 +64,13 @@ class WingLost(Fault):
 
     @classmethod
     def unfit(cls, vehicle: Vehicle) -> str:
-        """Reject vehicles whose hull law has no lift of wings."""
+        """Reason if the hull law has no lift of wings or the pump is missing; empty otherwise."""
         if not is_flow_frame(vehicle.law) or vehicle.steered("buoyancy") is None:
             return "is no glider whose hull law has the lift of wings (flow-frame)"
         return ""
 
     def problems(self) -> list[str]:
-        """Report a side that does not exist."""
+        """Problem of a side that does not exist, in a list; empty otherwise."""
         return [] if self.side in SIDES else [unknown_name("side", self.side, SIDES)]
 
     def change(self, condition: Condition, size: float) -> Condition:
@@ -80,7 +80,7 @@ class WingLost(Fault):
         gone = 0.5 * size * len(sides)
         lifts = 1.0 - gone * (1.0 - BODY_LIFT)
         lever = SPAN * vehicle.hull_length
-        # moments of the wings that are left: sum over sides of each wing's share, at its side
+        # moments of the remaining lift and drag: the lost fraction of each wing, signed by its side
         torn = 0.5 * size * sum(sides)
         roll = torn * (1.0 - BODY_LIFT) * law.lift[1] * lever
         yaw = -torn * WING_DRAG * law.drag[0] * lever
@@ -118,7 +118,7 @@ class _DragFault(Fault):
 
     @classmethod
     def unfit(cls, vehicle: Vehicle) -> str:
-        """Reject vehicles whose law cannot scale its drag; see `Fault.unfit`."""
+        """Reason if the hull law cannot scale its drag; empty otherwise."""
         if vehicle.law.with_drag(2.0) is not None:
             return ""
         return f"has the hull law {vehicle.law.kind!r}, whose drag is not one number"
@@ -211,11 +211,11 @@ class WaterTaken(Fault):
 
     @classmethod
     def unfit(cls, vehicle: Vehicle) -> str:
-        """Accept vehicles with a pump, which must trim against the water."""
+        """Reason if the vehicle has no pump to compensate the water's weight; empty otherwise."""
         return "" if vehicle.steered("buoyancy") is not None else "has no pump to trim against it"
 
     def problems(self) -> list[str]:
-        """Report a place outside the hull."""
+        """Problem of a place outside the hull, in a list; empty otherwise."""
         if not -0.5 <= self.place <= 0.5:
             return [f"place = {self.place:g} must lie within -0.5 and 0.5"]
         return []
@@ -247,7 +247,7 @@ class BladeLost(Fault):
 
     @classmethod
     def unfit(cls, vehicle: Vehicle) -> str:
-        """Accept vehicles with a propeller."""
+        """Reason if the vehicle has no propeller; empty otherwise."""
         if isinstance(vehicle.steered("speed"), Propeller):
             return ""
         return "has no propeller that drives it"

@@ -63,11 +63,11 @@ class CompassIron(Fault):
         return {"current_north": off * east, "current_east": -off * north}
 
     def choices(self, vehicle: Vehicle) -> tuple[Mapping[str, Any], ...]:
-        """Values of `toward` 45 deg apart, over half a turn because the size has a sign."""
+        """Values of `toward` 45 deg apart, over half a circle because the size has a sign."""
         return tuple({"toward": 45.0 * k} for k in range(4))
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """Add the deviation to the heading; nothing without a compass."""
+        """Add the deviation to the heading; no change without a compass."""
         heading = signals.get("measured_heading")
         if heading is None:
             return {}
@@ -77,7 +77,7 @@ class CompassIron(Fault):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CompassTurned(Fault):
-    """A compass turned as a whole: moved in its mount, or with the declination of another place."""
+    """A compass turned by a constant angle: by its mount, or by another place's declination."""
 
     kind = "compass_turned"
     says = "the compass is turned as a whole"
@@ -92,7 +92,7 @@ class CompassTurned(Fault):
     find_out = "fly legs on three headings with fixes between them, and compare"
 
     degrees: float = 8.0
-    """[degree] Reading less heading, on every heading"""
+    """[degree] Compass reading minus true heading, equal on every heading"""
 
     def expected(self, way: Array) -> Mapping[str, Array]:
         """Apparent current: the wrong heading turns the velocity through the water."""
@@ -100,7 +100,7 @@ class CompassTurned(Fault):
         return {"current_north": east, "current_east": -north}
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """Turn the heading; nothing without a compass. Guidance does not read it."""
+        """Turn the heading; no change without a compass. Guidance does not read this heading."""
         heading = signals.get("measured_heading")
         return {} if heading is None else {"measured_heading": np.mod(heading + size, 360.0)}
 
@@ -152,7 +152,7 @@ class AltimeterBlind(Fault):
     """Fraction of the altimeter returns that is lost"""
 
     def change(self, condition: Condition, size: float) -> Condition:
-        """Reduce guidance's returns; without a return it uses the last one for a while."""
+        """Reduce guidance's returns; without a return, guidance uses the last one for a while."""
         heard = (1.0 - condition.echoes_lost) * (1.0 - size)
         return condition.replace(echoes_lost=1.0 - heard)
 
@@ -161,7 +161,7 @@ class AltimeterBlind(Fault):
         return {"echoes": -np.ones(len(way))}
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """Replace lost returns by NaN; nothing without an altimeter."""
+        """Replace lost returns by NaN; no change without an altimeter."""
         height = signals.get("measured_altitude")
         if height is None:
             return {}
@@ -204,13 +204,13 @@ class _Lagged(Fault):
     """Name of the instrument's signal."""
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """Apply the lag and recompute salinity and density; nothing without a CTD."""
+        """Apply the lag and recompute salinity and density; no change without a CTD."""
         if any(name not in signals for name in CTD):
             return {}
         return self.shown(signals, lagged(signals[self.late], size, period))
 
     def shown(self, signals: Readings, late: Array) -> Readings:
-        """Readings of a CTD with `late` for the lagged signal: PSS-78 and TEOS-10, as in `Ctd`."""
+        """Readings of a CTD whose lagged signal is `late`: PSS-78 and TEOS-10, as in `Ctd`."""
         import gsw
 
         temperature, conductivity, pressure = ({**signals, self.late: late}[name] for name in CTD)
@@ -285,7 +285,7 @@ class ThermistorSlow(_Lagged):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DvlBeam(Fault):
-    """A Doppler log with a dead beam: it loses lock whenever another beam gets no return."""
+    """A Doppler log with a dead beam, which loses lock when another beam gets no return."""
 
     kind = "dvl_beam"
     says = "a beam of the Doppler log is dead"
@@ -300,7 +300,7 @@ class DvlBeam(Fault):
     """Fraction of the samples that lose their lock"""
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """Remove velocities and lock of lost samples; nothing without a Doppler log."""
+        """Remove velocities and lock of lost samples; no change without a Doppler log."""
         if "measured_dvl_mode" not in signals:
             return {}
         lost = rng.random(len(size)) < size

@@ -62,7 +62,7 @@ from twin.numbers import Array
 from twin.water.current.sampler import sample_gradient
 
 FASTEST = 20.0
-"""[m/s] Largest speed through the water; a faster state has left the range of physics."""
+"""[m/s] Limit of the speed through the water; a faster state has left the range of physics."""
 POSITION = slice(0, 3)
 QUATERNION = slice(3, 7)
 NU_R = slice(7, 13)
@@ -77,7 +77,7 @@ def part_after(start, command, low, high, lag, rate, one_way, elapsed):  # type:
         wanted = min(wanted, start)
     gap = wanted - start
     band = rate * lag
-    # first at the largest rate, then by the lag alone
+    # the part moves at its largest rate until `band` from its goal, then by the lag alone
     ramp = min(max(abs(gap) - band, 0.0) / rate, elapsed)
     rest = math.copysign(abs(gap) - ramp * rate, gap)
     return wanted - rest * elementary.exp(-(elapsed - ramp) / lag)
@@ -148,8 +148,8 @@ def acceleration(  # type: ignore[no-untyped-def]
 ):
     """Acceleration dnu_r/dt, shape (6,).
 
-    `down` (3,) is the NED down axis in body axes, `positions` (parts,) are the parts', `displaced`
-    [kg] is the mass of water that the immersed hull displaces, `density` [kg/m3] is the water's.
+    `down` (3,) is the NED down axis in body axes, `positions` (parts,) are positions of the parts,
+    `displaced` [kg] is the mass of water that the hull displaces, `density` [kg/m3] the water's.
     Current, in body axes: `path_rate` (3,) is dV_c/dt along the vehicle's path [m/s2],
     `water_rate` (3,) along the water's own path, `gradient` (3, 3) [1/s] the gradient.
     """

@@ -1,6 +1,6 @@
 """Forces of the Fossen model: hull, parts, restoring forces, net buoyancy.
 
-Body axes FRD about the CB, SI units. The effects of hull laws and kinds of part are in their own
+Body axes FRD about the CB, SI units. The effects of hull laws and types of part are in their own
 files (`twin.vehicle.laws`, `twin.vehicle.parts`), in code that the MuJoCo twin does not share.
 """
 
@@ -20,10 +20,10 @@ from twin.vehicle.vehicle import Vehicle
 
 _NONE = np.zeros(0)
 MASS_COLUMNS = 15
-"""Columns of a moving mass: mass, place ahead, place below, slide, hinge (index of the part, -1:
-none), neutral position of the hinge, inertia 9."""
+"""Columns of a moving mass: mass [kg], its place forward and below [m], indices of its slide and of
+its hinge among the parts (-1: none), neutral position of the hinge, inertia 9."""
 PART_COLUMNS = 5
-"""Columns of a part: code of its kind, place 3, number of values; then its values."""
+"""Columns of a part: code of its type, place 3, number of values; then its values."""
 
 
 class ForceParameters(NamedTuple):
@@ -50,7 +50,7 @@ class ForceParameters(NamedTuple):
     coupling: float
     """1: the coupling by added mass acts; 0: the law already contains it."""
     law: float
-    """Code in the registry of hull laws."""
+    """Code of the type of hull law."""
     law_scaled: float
     """1: the law's coefficients contain the reference density; 0: the law uses the water's."""
     law_values: Array
@@ -87,7 +87,7 @@ def parameters_of(
         hung = hinge.neutral if isinstance(hinge, BatteryHinge) else 0.0
         row[:6] = mass.mass, mass.neutral_x, mass.eccentricity, *drives, hung
         row[6:] = np.ravel(mass.inertia)
-    # one width for all kinds: a kernel that reads too far reads zeros
+    # one width for all types: a kernel that reads too far reads zeros
     parts = np.zeros((len(vehicle.parts), PART_COLUMNS + VALUES))
     for row, part in zip(parts, vehicle.parts, strict=True):
         values = part.values()
@@ -185,7 +185,7 @@ def pumped(p: ForceParameters, positions: Array):  # type: ignore[no-untyped-def
 
 @jit
 def carried(p: ForceParameters, positions: Array):  # type: ignore[no-untyped-def]
-    """Sum of all masses at these positions of the parts, as a body of `terms.with_mass`."""
+    """All masses at these positions of the parts: (mass, first moment, inertia 6) about the CB."""
     nothing, still = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     cg, own = p.static_cg, lower(p.static_inertia)
     body = with_mass((0.0, nothing, still), p.static_mass, (cg[0], cg[1], cg[2]), own)

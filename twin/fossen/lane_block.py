@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 LANES = (8, 64)
-"""Lanes in a block, for few and for many vehicles: a multiple of every vector's width, and the rows
-fit in the first-level cache. A lane's results are bit-identical in both sizes."""
+"""Lanes in a block, for few and for many vehicles. Both are multiples of any vector's width, and
+their rows fit in the first-level cache. A lane's results are bit-identical in both sizes."""
 STATE_WORDS = 14
 """Length of the state: north, east, depth [m]; quaternion body to NED, scalar first (4); v_r [m/s]
 (3); rates [rad/s] (3), body FRD; the hull's temperature [degC]."""
@@ -20,8 +20,8 @@ FLOW_WORDS = 15
 """Length of a `sample_gradient`: current [m/s] NED (3), local rate (3), gradient (9)."""
 HEAD = {
     "state": STATE_WORDS,
-    "rate": STATE_WORDS,  # of the state, per second; the quaternion's is that half a step later
-    "before": STATE_WORDS - POSE_WORDS,  # rate of the rest of the state one step before
+    "rate": STATE_WORDS,  # of the state, per second; of the quaternion half a step later
+    "before": STATE_WORDS - POSE_WORDS,  # rate of the state without its pose, one step before
     "going": 3,  # velocity over ground half a step later
     "looked": 4,  # north, east, depth [m] and time [s] of the last look-up of the water
     "flow": FLOW_WORDS,  # current and derivatives at the look-up, linear about it

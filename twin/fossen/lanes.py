@@ -11,8 +11,8 @@ with the damping D of the body's rates implicit relative to the acceleration x o
 The method has order 2 for any D. For g = h it is stable at any damping, also where the law damps up
 to twice as much as D says. A pose advances by the velocity at the middle of the step, v + h (x -
 1/2 x_before) with the old v. For oscillations, such as a hull's heave and pitch at the surface,
-that is the leapfrog method: it neither damps nor excites them while h omega < 2. Parts move by
-their exact solution. The water is looked up every LOOKS steps, with an error that also falls with
+that is the leapfrog method, which neither damps nor excites while h omega < 2. Parts move by their
+exact solution. The water is looked up every LOOKS steps, with an error that also falls with
 the square of the step.
 """
 
@@ -39,9 +39,9 @@ COUNTS = (
     "ticks", "ended", "failed", "fail_time", "floor_time", "control", "open_ended", "samples",
     "logged", "leg", "leg_time",
 )  # fmt: skip
-"""Counts of each lane: control ticks; 1: ended, 2: ended by its samples; 1: failed, and the time;
-time at the sea floor, NaN: never; source of commands; 1: ends with its plan; samples of the run,
-and samples logged; memory of `followed` (leg, time)."""
+"""State of each lane: control ticks; 1: ended, 2: ended by its samples; 1: failed, and its time;
+time at the sea floor, NaN: never; source of commands; 1: ends once its plan is flown; samples of
+the run, and samples logged; memory of `followed` (leg, time)."""
 TICKS, ENDED, FAILED, FAIL_TIME, FLOOR_TIME, CONTROL, OPEN_ENDED, SAMPLES, LOGGED, LEG = range(
     len(COUNTS) - MEMORY + 1
 )
@@ -75,7 +75,7 @@ def _move_parts(b, lanes, parts, h):  # type: ignore[no-untyped-def]
 
 
 MANY_AWASH = 0.25
-"""Fraction of the lanes at the surface above which all lanes are summed strip by strip at once."""
+"""Fraction of lanes at the surface; beyond it, all lanes are computed together."""
 
 
 @borrowing
@@ -274,7 +274,7 @@ def _log(b, lanes, t, parts, joints, counts, guided, log, sample):  # type: igno
 
 @borrowing(nogil=True)
 def _advance(b, lanes, h):  # type: ignore[no-untyped-def]
-    """Advance the living lanes to the end of the step, from the rates now and one step before."""
+    """Advance the lanes that fly to the end of the step, by the rates now and one step before."""
     widest_vectors()
     for k in range(POSE_WORDS):
         at, going = (STATE + k) * lanes, (GOING + k if k < 3 else RATE + k) * lanes
@@ -337,7 +337,7 @@ def fly(  # type: ignore[no-untyped-def]
     densities, density_at_, warmths, warmth_at, floors, floor_at,
     follows, follow_at, log, first_sample,
 ):  # fmt: skip
-    """Fly a block from step `first` to before step `last`; returns the number of living lanes.
+    """Fly a block from step `first` to before step `last`; returns how many lanes still fly.
 
     Args:
       b: the block of `lanes` lanes; `address` is the address of its first number.
@@ -374,7 +374,7 @@ def fly(  # type: ignore[no-untyped-def]
             floors, floor_at,
         )  # fmt: skip
         _immerse_hulls(b, lanes)
-        if step == 0:  # the first step has no step before: it takes the rate at the start
+        if step == 0:  # no step before: use the rate at the start
             call_rate(rate, address, 0.0)
             for i in range((STATE_WORDS - POSE_WORDS) * lanes):
                 b[BEFORE * lanes + i] = b[(RATE + POSE_WORDS) * lanes + i]

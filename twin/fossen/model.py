@@ -247,7 +247,7 @@ class FossenModel:
         *,
         positions: Mapping[str, float] | None = None,
     ) -> Trim:
-        """Figures of `steady_motion`, with the same arguments and errors."""
+        """Numbers of `steady_motion`, with the same arguments and errors."""
         return self.steady_motion(shift, rotation, net_mass, positions=positions).trim
 
 

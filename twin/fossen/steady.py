@@ -21,11 +21,11 @@ from twin.vehicle.steady_motion import DISTINCT_ROOTS, Trim, solve_steady_state
 DEEP = 1e4
 """[m] Depth of the steady motion, at which the hull is immersed at any pitch."""
 NEUTRAL = 1e-9
-"""[kg] Net mass below which buoyancy propels no glide."""
+"""[kg] Net mass, without its sign, below which a vehicle counts as neutral and does not glide."""
 ROTATION_STEP = math.radians(5.0)
 """[rad] Largest step in rotation when a spiral is continued from the straight glide."""
 SMALLEST_STEP = math.radians(0.05)
-"""[rad] Smallest such step; the continuation then ends, at a fold of the family of spirals."""
+"""[rad] Smallest step in rotation, at which the continuation ends: the spirals have a fold."""
 SCAN_POINTS = 721
 """Number of angles of attack, from -180 to 180 deg, searched for straight glides."""
 SPEED_ROUNDS, SPEED_SETTLED = 30, 1e-4
@@ -34,9 +34,9 @@ ends; the result is a guess for the root finder."""
 SETTLE_TIME = 3000.0
 """[s] Duration of a settling flight: fifty times the Sea-Wing's slowest decay at usual net mass."""
 EDGE_POINTS = 41
-"""Number of angles of attack tried between two of the scan where the lift changes its side."""
+"""Number of angles of attack between two neighbours of the scan whose lifts differ in sign."""
 SLOW_GROWTH = 5e-4
-"""[1/s] Growth rate that still counts as stable: a disturbance doubles in 23 minutes."""
+"""[1/s] Growth rate up to which a motion counts as stable: a disturbance doubles in 23 minutes."""
 DIFFERENCE_STEP = 1e-6
 """[SI] Step of the linearisation's central differences, near the cube root of epsilon."""
 
@@ -85,7 +85,7 @@ class SteadyProblem:
         request: str = "",
         hint: str = "give others",
     ):
-        """Take `turning`, index of the part that turns the vehicle; `driven`: under a propeller.
+        """`turning`: index of the part that turns the vehicle; `driven`: under a propeller.
 
         `request` describes the positions, and `hint` gives advice, both in messages.
         """
@@ -216,7 +216,7 @@ class SteadyProblem:
 def _settle(problem: SteadyProblem, straight: Array) -> Array | None:
     """Follow the motion in time from `straight`; returns its end as a guess, None if it diverges.
 
-    Stable motions attract, so this finds those that no family of spirals contains.
+    Stable motions attract, so this also finds motions that no family of spirals contains.
     """
     from scipy.integrate import solve_ivp
 
@@ -275,7 +275,7 @@ def _distinct_motions(
             continue  # other Euler angles of a motion that was found with a smaller pitch
         nu_r = problem.nu_r(x)
         if any(np.max(np.abs(nu_r - known.nu_r)) < DISTINCT_ROOTS for known in motions):
-            continue  # the same motion, found with angles one turn apart
+            continue  # an equal motion, whose angles differ by a full turn
         trim = Trim.from_motion(
             v_rel=x[:3], roll=x[3], pitch=x[4], turn_rate=x[5], linear_angle=linear_angle
         )

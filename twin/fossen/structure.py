@@ -40,7 +40,7 @@ class Structure:
     names: tuple[tuple[str, Any], ...]
     """Compiled functions that the text calls, by name."""
     kernels: tuple[tuple[str, str], ...]
-    """Description of each kind's function, and the text of a loop with this function alone."""
+    """Description of each type's function, and the text of a loop with this function alone."""
 
     @property
     def numbers_at(self) -> int:
@@ -57,7 +57,7 @@ class Structure:
         return _compiled(self, lanes, content.generation())
 
     def arithmetic(self, lanes: int) -> Arithmetic:
-        """Count the function's operations by compiling it again: cached code has no text."""
+        """Count the function's operations; compiles the function again: cached code has no text."""
         return Arithmetic.of(_kept_loop(self, self.text, lanes, keep=False)[0])
 
 
@@ -165,11 +165,11 @@ _INSTRUCTIONS = tuple(
 )
 """Calls in LLVM's text that are compiled to instructions."""
 _KIND_LANES = 4096
-"""Lanes of a loop with one kind's function: so many that LLVM does not unroll the loop."""
+"""Lanes of a loop with one type's function; LLVM does not unroll a loop of this length."""
 
 
 def _scalar_kinds(structure: Structure) -> str:
-    """Names of the kinds' functions that did not become vector code."""
+    """Names of the types' functions that did not become vector code."""
     blamed = []
     for name, text in structure.kernels:
         found = Arithmetic.of(_kept_loop(structure, text, _KIND_LANES, keep=False)[0])
@@ -194,7 +194,7 @@ def structure_of(
       zeros: true positions at which encoders read 0, by part, in the parts' units.
 
     Raises:
-      VehicleError: the law does not fly in lanes, or a kind is not compiled.
+      VehicleError: the law does not fly in lanes, or a type is not compiled.
     """
     volume = vehicle.neutral_volume if neutral_volume is None else neutral_volume
     w = written(vehicle, volume, zeros or {})

@@ -46,7 +46,7 @@ class Writer:
         return self.vector(matrix[np.tril_indices(len(matrix))])
 
     def call(self, what: str, name: str, function: Any, arguments: str, results: str) -> None:
-        """Write the call of a kind's own function, which `what` describes."""
+        """Write the call of a type's own function, which `what` describes."""
         if not isinstance(function, Compiled):
             raise VehicleError(
                 f"{name}: {function!r} is no compiled function; decorate it with twin.compiled.jit"
@@ -80,7 +80,7 @@ def written(vehicle: Vehicle, volume: float, zeros: Mapping[str, float]) -> Writ
       volume: [m3] neutral. zeros: as in `twin.fossen.structure.structure_of`.
 
     Raises:
-      VehicleError: the law does not fly in lanes, or a kind is not compiled.
+      VehicleError: the law does not fly in lanes, or a type is not compiled.
     """
     w = Writer(vehicle)
     w.names |= {name: getattr(terms, name) for name in _TERMS}
@@ -232,7 +232,7 @@ def _write_buoyancy(w: Writer, vehicle: Vehicle, neutral: float) -> None:
 _LAW = ("fx", "fy", "fz", "fk", "fm", "fn", "d0", "d1", "d2")
 _MOTION = "density, u, v, w, p, q, r"
 _GIVEN = ("u", "v", "w", "p", "q", "r", "density", "there")
-"""Arguments of a kind's function besides its own numbers."""
+"""Arguments of a type's function besides its own numbers."""
 
 
 def _write_law(w: Writer, vehicle: Vehicle) -> None:

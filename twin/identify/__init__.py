@@ -1,4 +1,4 @@
-"""Identification: the parameters of a real vehicle from its own logs, and its speed from them.
+"""Identification: a real vehicle's parameters from its logs, and its speed by these parameters.
 
 logs = load_logs("real.zarr")
 found = identify(logs, load_calibration("graver-2005"))

@@ -42,25 +42,25 @@ from twin.vehicle.vehicle import Vehicle, load_vehicle
 DEPTH_RATE_LIMIT = 0.05
 """[1] Largest relative error of the depth rate in each phase"""
 TURN_LIMIT = 0.25
-"""[1] Largest relative error of the turn rate per position of the turning part"""
+"""[1] Largest relative error of the ratio: turn rate over position of the turning part"""
 TURNING_LIMIT = 3.0
-"""[deg] Largest difference of the turning part's mean position, twin minus log; a larger one shows
-an asymmetry of the logged vehicle that the vehicle file lacks"""
+"""[deg] Largest difference of the turning part's mean position, twin minus log. Beyond it, the
+logged vehicle has an asymmetry that the vehicle file lacks"""
 HEADING_LIMIT = 2.0
 """[deg] Largest standard deviation of the twin's heading about its target"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PhaseComparison:
-    """Figures of the log and of the twin in one phase."""
+    """Numbers of the log and of the twin in one phase."""
 
     log: PhaseFigures
     twin: PhaseFigures | None
-    """Figures of the twin; None: the twin flew no steady part in this phase"""
+    """Numbers of the twin; None: the twin never flew steadily in this phase"""
     speed_from: str | None
     """Source of the log's speed: "measured", "depth rate and pitch", or None"""
     same_part: bool
-    """True if log and twin are turned by the same type of part: the effects can be compared"""
+    """True if one type of part turns log and twin, so that its effects can be compared"""
 
     def describe(self) -> dict[str, Any]:
         """Plain values for JSON; ratios are twin / log, differences are twin minus log."""
@@ -104,13 +104,13 @@ class LogCheck:
     engine: str
     """Engine that flew the twin"""
     beside_mujoco: EndsApart | None
-    """Distance of the first dive's end from MuJoCo's, if the batched engine flew the dives"""
+    """Distance between the ends of the first dive by the batched engine and by MuJoCo; else None"""
     notes: tuple[str, ...]
     """Sentences on signals that the log lacks, and on their replacements"""
 
     @property
     def beyond(self) -> list[str]:
-        """Phrase for each figure beyond its limit; empty if the twin flies as the log."""
+        """Phrase for each number beyond its limit; empty if the twin flies as the log."""
         flown = list(zip(self.dives, self.flights, strict=True))
         found = [f"dive {dive.row}: {f}" for dive, f in flown if isinstance(f, Exception)]
         for name, phase in self.phases.items():
@@ -157,7 +157,7 @@ class LogCheck:
 
 
 def _beyond(phase: PhaseComparison) -> list[str]:
-    """Phrase for each figure of a phase beyond its limit."""
+    """Phrase for each number of a phase beyond its limit."""
     twin = phase.twin
     if twin is None:
         return ["the twin never flew it steadily"]
@@ -195,8 +195,8 @@ def check_logs(
 
     Args:
       store: path of a store that `factory import` wrote.
-      vehicle: shipped name or path of an MJCF file, with the sensor errors in it; a vehicle with
-        exact sensors; or `twin.identify.load_calibration(...)`.
+      vehicle: shipped name or path of an MJCF file, whose sensor errors are used; a `Vehicle`,
+        whose sensors count as exact; or `twin.identify.load_calibration(...)`.
       missions: rows of the store, all by default.
       engine: engine of `Scenario`; with "lanes", MuJoCo flies the first dive too.
 
@@ -259,7 +259,7 @@ def check_logs(
 
 
 class _OneDensity(Calibration):
-    """Calibration of a vehicle without a file: its log's water is unknown."""
+    """Calibration for a `Vehicle` or a hull law other than `FlowFrame`, with one density."""
 
     def sea_density(self, depth: Array) -> Array:
         """Reference density of the vehicle at every depth."""
@@ -267,7 +267,7 @@ class _OneDensity(Calibration):
 
 
 def _hull(given: str | Path | Vehicle | Calibration) -> Calibration:
-    """Calibration of the vehicle; without a file, with exact sensors and no thermal expansion.
+    """Calibration for `check_logs`; a `Vehicle` gets exact sensors and no thermal expansion.
 
     Raises:
       VehicleError: the vehicle has no pump or no part that pitches it.
@@ -300,7 +300,7 @@ class _Present:
 
 
 def _check_signals(logs: LogStore, there: _Present) -> None:
-    """Raise StoreError for a log without depth, pitch or pump, by the names of signals."""
+    """Raise StoreError for a log without depth, pitch or pump; it names the missing signals."""
     for names, why in (
         (("measured_depth",), "depth, so its dives are unknown"),
         (("measured_pitch",), "pitch, so its glides are unknown"),
@@ -362,7 +362,7 @@ def _phases(
     turning: Turning | None,
     engine: str,
 ) -> tuple[dict[Phase, PhaseComparison], list[str]]:
-    """Figures of log and twin in each phase of the log, and notes on them."""
+    """Numbers of log and twin in each phase of the log, and notes on them."""
     pump = vehicle.steering["buoyancy"]
     pairs = zip(dives, flights, strict=True)
     flown = [(dive, flight) for dive, flight in pairs if isinstance(flight, Trajectory)]

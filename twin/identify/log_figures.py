@@ -202,7 +202,7 @@ class PhaseFigures:
     """Oscillation that does not decay"""
 
     def describe(self) -> dict[str, float | None]:
-        """Return the figures with their units in the names."""
+        """Return the numbers with their units in the names."""
         return {
             "depth_rate_m_s": self.depth_rate,
             "speed_m_s": self.speed,
@@ -215,7 +215,7 @@ class PhaseFigures:
 
 
 def phase_figures(legs: Sequence[FigureSamples]) -> PhaseFigures | None:
-    """Compute the figures of one phase; None if no leg has enough steady samples."""
+    """Compute the numbers of one phase; None if no leg has enough steady samples."""
     legs = [leg for leg in legs if leg.steady.sum() >= 2]
     if sum(int(leg.steady.sum()) for leg in legs) < LEAST_SAMPLES:
         return None

@@ -1,4 +1,4 @@
-"""Logs: speed, vertical water velocity, currents and corrected tracks from a vehicle's logs.
+"""Logs: velocity, vertical water velocity, currents and corrected tracks of a whole store of logs.
 
 found = estimate_flight("real.zarr", vehicle="mine.xml")
 found.summary().w_deviation

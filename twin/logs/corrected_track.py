@@ -33,7 +33,7 @@ LEAST_INTERVAL = 300.0
 """[s] Shortest time between two fixes for a current: in a minute at the surface, the noise of the
 fixes would look like a current of 10 cm/s."""
 UNDER_WATER = 3.0
-"""[m] Depth that a dive exceeds between two fixes; a shallower vehicle hangs at the surface"""
+"""[m] Depth that a dive must exceed between two fixes; shallower, the vehicle is at the surface"""
 SPEED_DEVIATION = 0.02
 """[m/s] Standard deviation of a flight model's speed; 0.017 against a Doppler log (real_logs.md)"""
 HEADING_DEVIATION = math.radians(2.0)
@@ -58,7 +58,7 @@ class Drift:
     change: float
     """[m/s] Standard deviation of the current's change from dive to dive, north and east each"""
     usual: tuple[float, float] = (0.0, 0.0)
-    """North, east [m/s] Median current, used for a mission without two fixes"""
+    """[m/s] Median current, north and east, used for a mission without two fixes"""
 
 
 SMOOTHER, LINEAR = "smoother", "linear"
@@ -68,7 +68,7 @@ NOMINAL_LATITUDE = 45.0
 
 
 def check_correction(name: str) -> None:
-    """Raise UnknownName unless `name` is a correction of tracks."""
+    """Raise UnknownName unless `name` is one of the two corrections."""
     if name not in CORRECTIONS:
         raise UnknownName("correction of tracks", name, CORRECTIONS)
 
@@ -79,8 +79,8 @@ def corrected_tracks(
     """Smooth several deployments' tracks: position and its standard deviation, track by track.
 
     Args:
-      records: the tracks of each deployment, all in similar water, such as the missions of one
-        store. Each deployment is smoothed alone; the parameters are fitted to all deployments.
+      records: the tracks of each deployment, in similar water, such as those of one store. Each
+        deployment is smoothed alone; the current's parameters are fitted to all together.
       period: [s] between samples.
       latitudes: [degree] of each deployment; `NOMINAL_LATITUDE` if one is NaN.
     """
@@ -148,7 +148,7 @@ def linear_track(velocity: Array, period: float, fixes: Fixes, drift: Drift) -> 
 def track_velocity(track: Array, period: float, fixes: Fixes) -> Array | None:
     """Velocity north, east [m/s] of a vehicle's on-board track, (time, 2); None without a track.
 
-    On board, the track jumps to each new GPS fix; the velocity is without these jumps.
+    The on-board track jumps to each new GPS fix; the velocity excludes these jumps.
 
     Args:
       track: north, east [m], (time, 2), NaN where unknown.
@@ -167,7 +167,7 @@ def track_velocity(track: Array, period: float, fixes: Fixes) -> Array | None:
 
 
 def _variance_outside_fixes(away: NDArray[np.floating], drift: Drift) -> Array:
-    """Variance [m2] of a position `away` [s] before the first fix, or after the last."""
+    """Variance [m2] of a position at a time `away` [s] before the first fix or after the last."""
     return np.asarray((drift.change * away) ** 2 + drift.diffusivity * away)
 
 

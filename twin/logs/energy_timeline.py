@@ -1,6 +1,6 @@
 """Energy timeline: actuator work, time and the charge counter's readings along a deployment.
 
-The encoder noise of resting parts is removed, since a part at rest takes no energy.
+Moves of resting parts are encoder noise and are removed: a part at rest takes no energy.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ INTERVAL = 300.0
 LONGEST_STAY = 3600.0
 """[s] Longest gap between dives that counts as a surface interval; a longer gap is unknown"""
 LEAST_MOVE = 0.005
-"""[1] Fraction of a part's travel below which a move is encoder noise"""
+"""[1] Fraction of a part's travel; a smaller move is encoder noise"""
 
 
 class NotCounted(InputError):
@@ -39,7 +39,7 @@ class NotCounted(InputError):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DiveCharge:
-    """Charge of one dive, from the counter's first sample in it to the last."""
+    """Charge of one dive, from the counter's first sample in the dive to its last."""
 
     mission: int
     hours: float
@@ -75,11 +75,11 @@ FACTORS = (
     EnergyFactor("propeller", "1", 1.0, "propeller_efficiency", inverse=True),
     EnergyFactor("thruster", "1", 0.0, ""),
 )
-"""Factors of the energy equation; every log determines the first one"""
+"""Factors of the energy equation; every log determines the first factor, `hotel`"""
 
 
 class EnergyTimeline:
-    """Dives and surface intervals in order of time: cumulative work and time, and charge taken."""
+    """Cumulative work, time and charge over the dives and surface intervals, in order of time."""
 
     def __init__(self, logs: LogStore, rows: Sequence[int], vehicle: Vehicle):
         missing = [name for name in (CHARGE, VOLTAGE) if name not in logs]
@@ -226,7 +226,7 @@ def least_squares(
 def settled(values: Array) -> Array:
     """Position of a part without encoder noise, (time,).
 
-    The value stays until the reading moves by `LEAST_MOVE` of its travel, like backlash.
+    The value stays, as with backlash, until the reading moves by `LEAST_MOVE` of the travel.
     """
     play = LEAST_MOVE * float(np.ptp(np.percentile(values, [1.0, 99.0])))
     place, found = float(values[0]), np.empty(len(values))

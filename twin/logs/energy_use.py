@@ -48,7 +48,7 @@ from twin.vehicle.consumption import Consumption
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 LARGEST_DUTY = 0.97
-"""[1] Largest fraction of the time that a payload is on, or off, for its power to be fitted"""
+"""[1] If a payload is on, or off, for a larger fraction of the time, its power is not fitted"""
 LARGEST_UNCERTAINTY = 0.5
 """[1] Largest standard deviation, as a fraction of the value, of a factor that a log determines"""
 MOST_KWH = 1e4
@@ -64,7 +64,7 @@ LEAST_DIVES = 3
 """Fewest dives from which the noise of a dive can be estimated"""
 DRAWS = 4000
 LEAST_PART = 0.1
-"""[1] Least sampled power as a fraction of the level: the electronics always run"""
+"""[1] Lower bound of a sampled power, as a fraction of the level: the electronics always run"""
 DAYS_INTERVAL = (0.05, 0.95)
 DAY_HOURS = 24.0
 SEED = 0
@@ -199,7 +199,7 @@ class ChargeForecast:
     per_hour: float
     """[A h/h] Charge per hour of the dives in the fit: a simple prediction for comparison"""
     each: float
-    """[A h] Mean charge of the dives in the fit: a second one for comparison"""
+    """[A h] Mean charge of the dives in the fit: another simple prediction for comparison"""
 
     def errors(self) -> dict[str, float]:
         """Mean absolute error of a dive and error of the sum, relative to the measured charge."""
@@ -221,9 +221,9 @@ class ChargeForecast:
 def second_half(
     store: str | StorePath, vehicle: Vehicle, *, missions: Sequence[int] | None = None
 ) -> ChargeForecast | None:
-    """Predict the charge of the second half of the dives; None if the first half has too few.
+    """Predict the charge of the second half of the dives; None if the first half is too short.
 
-    The later dives' times, depths and volumes are given: only their energy is predicted.
+    Times, depths and volumes of the second half are given; only its energy is predicted.
     """
     with LogStore(store) as logs:
         rows = range(len(logs)) if missions is None else missions
@@ -347,7 +347,7 @@ class Endurance:
         return float(low), float(high)
 
     def between(self, added: float = 0.0) -> str:
-        """The interval as text; without an upper end if a sampled power is at its lower bound."""
+        """`interval` as text; without an upper end if a sampled power is at its lower bound."""
         low, high = self.interval(added)
         if high > 0.99 * self.days / LEAST_PART:
             return f"{low:.1f} and more"

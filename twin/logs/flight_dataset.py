@@ -1,4 +1,4 @@
-"""Flight dataset: a flight as netCDF or zarr, on the store's own samples, with CF attributes."""
+"""Flight dataset: a flight as netCDF or zarr, at the samples of the store, with CF attributes."""
 
 from __future__ import annotations
 
@@ -225,7 +225,7 @@ FIX_ATTRIBUTES = {
     "flag_meanings": "no_fix fix",
 }
 LEAST_SPEED = 0.05
-"""[m/s] Speed below which no angle of attack is written"""
+"""[m/s] Speed; at less, no angle of attack is written"""
 
 
 def write_flight(flight: Flight, path: Path, *, overwrite: bool = False) -> None:

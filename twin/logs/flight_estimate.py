@@ -63,9 +63,9 @@ class Flight:
     currents: tuple[DiveCurrent, ...]
     """Currents of all dives between fixes, in the order of the missions"""
     lags: dict[str, ThermalLag]
-    """Thermal lag of the CTD, for each deployment whose data show one"""
+    """Thermal lag of the CTD, for each deployment whose data show a lag"""
     flown: tuple[int, ...]
-    """Missions that the model could fly"""
+    """Missions whose velocity through the water the estimator found"""
 
     def summary(self) -> FlightSummary:
         """Statistics of the water's vertical velocity over all missions."""

@@ -25,7 +25,7 @@ from twin.registry import Registry
 LEAST_COSINE = 0.2
 """[1] Least cos(pitch) cos(roll) with which the depth rate determines heave"""
 LEAST_KNOWN = 0.9
-"""[1] Least fraction of the time under water with a known attitude, for a current to be computed"""
+"""[1] Least fraction of the time under water with a known attitude that gives a current"""
 UNDER_WATER = 3.0
 """[m] Depth below which a vehicle is under water"""
 DESCENT, CLIMB = 1, 2
@@ -38,8 +38,8 @@ class FlightEstimator(abc.ABC):
     """Estimator of a logged vehicle's velocity through the water, an extension point.
 
     The estimator gives speed, track and currents. The vertical velocity of the water is always the
-    flight model's depth rate minus the logged one, because an estimator that solves the depth rate
-    for heave would give none.
+    flight model's depth rate minus the logged depth rate: an estimator that takes its heave from
+    the logged depth rate would find still water.
     """
 
     kind: ClassVar[str]
@@ -48,7 +48,7 @@ class FlightEstimator(abc.ABC):
     """One line for help texts and documents."""
 
     modelled: ClassVar[bool] = False
-    """True if the flight model gives the speed, so that the depth rate shows its error."""
+    """True if the flight model gives the speed; its error then shows in the depth rate."""
 
     @classmethod
     def open(cls, argument: str) -> Self:
@@ -68,7 +68,7 @@ class FlightEstimator(abc.ABC):
         """Velocity through the water, body FRD, at each of the log's samples.
 
         Args:
-          store: store with signals that the log lacks; `log.index` is the mission.
+          store: store of the log, for signals that `log` does not hold; `log.index` is the mission.
           log: the dive, with corrected density.
           calibration: the vehicle and the errors of its sensors.
           start: surge, sway, heave [m/s] at the first sample, from depth rate and pitch.

@@ -20,7 +20,7 @@ MOST_APART, MOST_MEAN = 0.01, 0.015
 BIN_HEIGHT = 20.0
 """[m] Largest height of a depth bin"""
 LEAST_SAMPLES = 30
-"""Fewest samples in descents, and in climbs, of a bin; bins with fewer are left out"""
+"""Fewest samples of a bin in descents, and as many in climbs; other bins are left out"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,7 @@ class FlightSummary:
     w_deviation: float
     """[m/s] Standard deviation of the vertical water velocity over all samples"""
     depth_rate_rmse: float
-    """[m/s] Root mean square of modelled minus observed depth rate, not reduced by their mean"""
+    """[m/s] Root mean square of modelled minus observed depth rate, with its mean included"""
     samples: int
     w_profile_difference: float = float("nan")
     """[m/s] Mean in descents minus mean in climbs, in the depth bin with the largest difference;
@@ -42,7 +42,7 @@ class FlightSummary:
 
     @property
     def suspect(self) -> bool:
-        """True if the means of descents and climbs are too large or too different for the model."""
+        """True if the means of descents and climbs exceed MOST_MEAN, or differ by MOST_APART."""
         means = np.array([self.w_mean_dive, self.w_mean_climb])
         return bool(abs(means[0] - means[1]) > MOST_APART or (np.abs(means) > MOST_MEAN).any())
 
@@ -115,7 +115,7 @@ def _mean(values: np.ndarray) -> float:
 Array = NDArray[np.float64]
 
 LEAST_RATE = 0.03
-"""[m/s] Least modelled depth rate of a sample; slower, the vehicle turns or flies level"""
+"""[m/s] Modelled depth rate; at less, the vehicle turns or flies level, and a sample is left out"""
 CORRELATION_TIME = 300.0
 """[s] Correlation time of the water's vertical velocity: internal waves near the buoyancy period"""
 PRIOR_DEVIATION = 0.15

@@ -4,7 +4,7 @@ Conductivity is measured inside a cell whose walls exchange heat with the water.
 this conductivity and the temperature outside, and so spikes where temperature changes: too fresh
 in one direction through a thermocline, too salty in the other. Morison et al. (1994, J. Atmos.
 Oceanic Technol. 11, 1151) filter the temperature to that of the cell with two parameters. Garau et
-al. (2011, J. Atmos. Oceanic Technol. 28, 1065) fit them to a glider's dives and climbs, whose
+al. (2011, J. Atmos. Oceanic Technol. 28, 1065) fit them to a glider's descents and climbs, whose
 temperature and salinity should lie on one curve.
 
 `CtdSeries` holds a dive's CTD and gives conductivity, density and the corrected salinity.
@@ -28,17 +28,17 @@ LARGEST_AMPLITUDE = 0.5
 SHORTEST, LONGEST = 2.0, 25.0
 """[s] Limits of tau; published values are 5 to 25 s."""
 FIRST_GUESS = (0.03, 10.0)
-"""Initial alpha [1] and tau [s] for a pumped CTD; Sea-Bird: 0.06 and 10 s for the GPCTD"""
+"""Alpha [1] and tau [s] at which the fit starts; Sea-Bird gives 0.06 and 10 s for the GPCTD"""
 LEAST_RANGE = 1.0
-"""[K] Temperature range that a dive and its climb must share; a smaller range shows no lag."""
+"""[K] Temperature range that a descent and a climb must share; a smaller range shows no lag."""
 LEAST_PAIRS = 3
-"""Fewest pairs of a dive and a climb for a fit"""
+"""Fewest pairs of a descent and a climb for a fit"""
 MOST_PAIRS = 80
 """Most pairs that are compared, evenly chosen; more pairs do not change the result"""
 LEVELS = 50
-"""Number of temperatures at which a dive and its climb are compared"""
+"""Number of temperatures at which a descent and a climb are compared"""
 LEAST_GAIN = 0.05
-"""[1] Least relative reduction of the difference of dives and climbs for a lag to be accepted."""
+"""[1] Least relative reduction of the difference of descents and climbs that accepts a lag."""
 NUDGE = 0.01
 """[K] Temperature step for the derivative of salinity"""
 
@@ -83,10 +83,10 @@ class Cast:
 
 
 def fit_thermal_lag(pairs: Sequence[tuple[Cast, Cast]]) -> ThermalLag | None:
-    """Fit the lag that minimises the difference of dives and climbs; None if no lag reduces it.
+    """Fit the lag that minimises the difference of descents and climbs; None if no lag reduces it.
 
     Args:
-      pairs: a dive and the climb after or before it.
+      pairs: a descent and the climb before or after it.
     """
     able = [pair for pair in pairs if _shared(*pair) is not None]
     if len(able) < LEAST_PAIRS:
@@ -174,7 +174,7 @@ class CtdSeries:
 
     @property
     def conductivity(self) -> Array:
-        """[S/m] Conductivity as measured, computed from the stored salinity and temperature."""
+        """[S/m] Measured conductivity, computed back from the stored salinity and temperature."""
         import gsw
 
         return np.asarray(gsw.C_from_SP(self.salinity, self.temperature, self.pressure)) / MS_PER_CM
@@ -188,7 +188,7 @@ class CtdSeries:
         return np.asarray(gsw.rho_t_exact(absolute, self.temperature, self.pressure))
 
     def corrected(self, lag: ThermalLag | None) -> CtdSeries:
-        """Copy with the salinity at the cell's temperature; the series itself without a lag."""
+        """Copy with the salinity at the cell's temperature; unchanged if `lag` is None."""
         import gsw
 
         if lag is None or self.known.sum() < 2:
@@ -229,16 +229,16 @@ def common_lag(ctds: Sequence[CtdSeries]) -> ThermalLag | None:
 
 def ways(depth: Array) -> list[slice]:
     """Descents and climbs of a depth (time,), in order, between turns of `LEAST_CAST` or more."""
-    turns, furthest, way = [0], 0, 0.0
+    turns, furthest, direction = [0], 0, 0.0
     for k in range(1, len(depth)):
-        if way == 0.0:
+        if direction == 0.0:
             if abs(depth[k] - depth[0]) > LEAST_CAST:
-                furthest, way = k, float(np.sign(depth[k] - depth[0]))
-        elif way * (depth[k] - depth[furthest]) > 0.0:
+                furthest, direction = k, float(np.sign(depth[k] - depth[0]))
+        elif direction * (depth[k] - depth[furthest]) > 0.0:
             furthest = k
-        elif way * (depth[furthest] - depth[k]) > LEAST_CAST:
+        elif direction * (depth[furthest] - depth[k]) > LEAST_CAST:
             turns.append(furthest)
-            furthest, way = k, -way
+            furthest, direction = k, -direction
     turns.append(len(depth) - 1)
     return [
         slice(first, last + 1)

@@ -5,8 +5,8 @@ the origin of the mission's frame on Earth.
 
 A current filter (`twin.navigation.current`) follows the track through the water from surface
 interval to surface interval, and is smoothed. The current between two fixes then varies with the
-tide, eddies and the neighbouring dives; a linearly spread misclosure would make it constant. The
-standard deviation is the smoother's. Between fixes of one surface interval the track is linear.
+tide, eddies and the neighbouring dives; to spread the error at the second fix evenly over the dive
+would make it constant. Standard deviations are the smoother's. Afloat the track is linear.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ PIECES, LEAST_PIECE = 16, 20.0
 """Most steps of the current filter in a dive, and the shortest step [s]"""
 VELOCITY_SHARE = 0.012
 """[1] Standard deviation of the velocity through the water, north and east each, as a fraction of
-its speed, without errors of scale and compass: the remaining difference of descents and climbs"""
+speed: the difference of descents and climbs after correction of speed scale and compass"""
 SHEAR_SHARE = 0.2
 """[1] Standard deviation of the current's change with depth, as a fraction of its mean speed"""
 PHASE = 600.0
-"""[s] Correlation time of this velocity error if the duration of descents and climbs is unknown"""
+"""[s] Correlation time of the error VELOCITY_SHARE if the duration of a descent is unknown"""
 SPEED_SCALE, COMPASS = 0.03, 2.0
-"""[1], [degree] Standard deviations of the remaining speed scale, in a model scaled by the depth
-rate, and of a calibrated compass"""
+"""[1], [degree] Standard deviations of the speed scale, which the depth rate has corrected, and of
+a calibrated compass"""
 ANYWHERE, LEAST_DEVIATION = 1e5, 1e-3
 """[m] Standard deviations of a position before the first fix, and of the origin of a track"""
 
@@ -148,7 +148,7 @@ def smoothed_tracks(
     latitude: float,
     parameters: CurrentParameters,
 ) -> list[tuple[Array, Array]]:
-    """Smooth tracks: position north, east [m], (time, 2), and its standard deviation [m], each.
+    """Smooth tracks; each result has positions north, east [m] and their standard deviations [m].
 
     At a fix the position is the fix. A track without fixes begins at the origin.
 

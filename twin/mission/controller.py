@@ -1,10 +1,10 @@
-"""Controllers: what a Python controller observes and returns; guidance is the first of them.
+"""Controllers in Python: observation, command, and guidance (`MissionController`) as a controller.
 
 The simulation calls a controller once per control period of its vehicle. Any callable with this
 signature works: a function, a trained policy, an object with a memory.
 
 A schedule replaces the controller by commands that each hold until the next one. Followed positions
-replace guidance's commands to one part by those of a log.
+replace guidance's commands to one vehicle part by the positions of a log.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def misread(seen: Observation, gains: Array, memory: Array, surfaced: float) -> 
     Args:
       seen: the true observation.
       gains: gains with the errors of the instruments, shape (GAINS,).
-      memory: memory like guidance's state, zeros at first; it is updated.
+      memory: as long as guidance's state, zeros at the start; holds the last altitude; updated.
       surfaced: [m] depth of the CB above which a receiver has a fix.
     """
     altitude = altitude_read(gains, memory, seen.time, seen.altitude)
@@ -192,7 +192,7 @@ class MissionController:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Schedule:
-    """Commands that are piecewise constant in time, for either model.
+    """Commands that are piecewise constant in time, for the MuJoCo twin or the Fossen model.
 
     Raises:
       MissionError: lengths differ, times do not increase, or a number is not finite.
@@ -233,14 +233,14 @@ class Schedule:
             )
 
     def to_dict(self) -> dict[str, Any]:
-        """Describe the schedule as a dict for JSON; `Schedule(**form)` is equal."""
+        """Describe the schedule as a dict for JSON; `Schedule(**dict)` gives an equal schedule."""
         return {name: np.asarray(value).tolist() for name, value in vars(self).items()}
 
 
 MEMORY = 2
-"""Count of numbers in the memory of `followed`: first position of the leg, start of the leg [s]."""
+"""Numbers in the memory of `followed`: index of the leg's first position, start of the leg [s]."""
 FOLLOWED_HEAD = 3
-"""Count of numbers in a table before those of its segments."""
+"""Count of numbers in a table before the legs of its segments."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

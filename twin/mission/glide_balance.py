@@ -33,7 +33,7 @@ WIDEST = math.radians(20.0)
 
 
 class VehiclePolar:
-    """Polar of a whole vehicle: an identified law as given, or another law plus the parts at rest.
+    """Polar of a whole vehicle: a flow-frame law alone, or another law plus the parts at rest.
 
     Raises:
       VehicleError, MissionError: the vehicle cannot glide.
@@ -76,7 +76,7 @@ class VehiclePolar:
         return polar_of_wrench(wrench, alpha)
 
     def drag_over_lift(self, angles: Array) -> Array:
-        """Drag divided by lift at angles of attack [rad], same shape."""
+        """Drag divided by lift at each angle of attack [rad]."""
         if is_flow_frame(self._vehicle.law):  # its formulas take arrays; every plan asks for 400
             polar = cast("Any", self._vehicle.law.polar)(angles, self._vehicle.reference_density)
             return np.asarray(polar.drag / polar.lift)
@@ -87,11 +87,11 @@ class VehiclePolar:
 DEEP = 1e3
 """[m] Depth at which every part is under water."""
 SETTLED = 1e-9
-"""[1] Largest residual of a root, as a fraction of the vehicle's weight (times a metre)."""
+"""[1] Largest residual of a root: force over weight, and moment over weight times one metre."""
 _ITERATIONS = 40
 _STEP = 1e-6
 _LARGEST_STEP = 0.1
-"""Largest Newton step of any unknown; a longer one may end beyond the stall of a fin."""
+"""Limit of a Newton step of any unknown; a longer step may end beyond the stall of a fin."""
 _LEAST_SHARE = 1e-3
 """Smallest fraction to which a Newton step that overshoots is shortened."""
 
@@ -131,9 +131,9 @@ def imbalance(
     """Residual force [N] and moment about the CB [N m] of a steady motion, shape (6,), body FRD.
 
     Args:
-      position: of the parts, shape (parts,), in their units; followers are moved with their
-        leading parts.
-      velocity: through the water, shape (3,) [m/s], body FRD.
+      position: positions of the parts, shape (parts,), in their units; followers are moved with
+        their leading parts.
+      velocity: velocity through the water, shape (3,) [m/s], body FRD.
       pitch, roll: [rad]. turn_rate: about the vertical [rad/s], positive to starboard.
     """
     position = vehicle.allocated(position)
@@ -147,7 +147,7 @@ def left_over(vehicle: Vehicle, position: Array, nu: Array, down: Array) -> Arra
     """Residual force [N] and moment about the CB [N m] of any motion, shape (6,), body FRD.
 
     Args:
-      position: of the parts, shape (parts,), in their units.
+      position: positions of the parts, shape (parts,), in their units.
       nu: velocity through the water [m/s] and rates [rad/s], shape (6,), body FRD.
       down: unit vector of the vertical in body axes, shape (3,).
     """
@@ -221,9 +221,9 @@ class SteadyGlide:
 
 
 def steady_glide(vehicle: Vehicle, pitch: float, net_mass: float) -> SteadyGlide:
-    """Find the glide at `pitch` [rad] and `net_mass` [kg]: nose down, heavy, or nose up, light.
+    """Find the glide at `pitch` [rad] and `net_mass` [kg]: nose down if heavy, nose up if light.
 
-    If two glides have the same pitch, the result is the one with the smaller angle of attack.
+    If two glides have this pitch, the result is the glide with the smaller angle of attack.
 
     Raises:
       MissionError: the pitch is too shallow for the vehicle's lift and drag inside the identified
@@ -332,7 +332,7 @@ def steady_flight(
 def _steady_flight(
     vehicle: Vehicle, pitch: float | None, speed: float, rest: tuple[float, ...]
 ) -> SteadyCruise:
-    """Find the flight and cache it: a mission and its time limit ask for few different ones."""
+    """Find the flight and cache it: a mission and its time limit need the same few flights."""
     driving, pitching = vehicle.steered_index("speed"), vehicle.steered_index("pitch")
     assert driving is not None
     position = np.array(rest)
@@ -379,7 +379,7 @@ def cruise_rate(vehicle: Vehicle, speed: float) -> float:
     """Propeller rate [rad/s] whose thrust equals the drag of hull and parts at `speed` ahead.
 
     Raises:
-      MissionError: the propeller cannot; the message gives the largest speed [m/s] it can hold.
+      MissionError: no rate suffices; the message gives the largest speed [m/s] of the propeller.
     """
     driving = vehicle.steered("speed")
     assert driving is not None
@@ -400,7 +400,7 @@ def surplus(vehicle: Vehicle, rate: float, speed: float) -> float:
 
 
 def surplus_at(vehicle: Vehicle, speed: float) -> Callable[[float], float]:
-    """Function of the rate that returns `surplus` at a speed; unmoved parts are evaluated once."""
+    """Function from propeller rate to `surplus` at a speed; other parts are evaluated once."""
     nu_r, density = np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0]), vehicle.reference_density
     driving, position = vehicle.steering["speed"], vehicle.rest
     place = vehicle.part_names.index(driving)

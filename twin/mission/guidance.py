@@ -85,7 +85,7 @@ def _trim_loop(gains, state, error, pitch_rate, command):
 
 @borrowing
 def _wanted_depth(row, depth, altitude):
-    """Depth [m] of a level leg or hover: the given one, or that of the altitude above the floor."""
+    """Depth [m] of a level leg or hover: given, or from the given altitude above the sea floor."""
     wanted = row[g.DEPTH]
     if not math.isnan(row[g.ALTITUDE]):
         wanted = max(depth + altitude - row[g.ALTITUDE], row[g.MIN_DEPTH])
@@ -118,7 +118,7 @@ def _level_pitch(row, gains, state, depth, altitude, depth_rate):
 
 @borrowing
 def _buoyancy_loop(gains, state, wanted, depth, depth_rate, command):
-    """Run the pump's loop that holds a depth without speed: a smaller volume sinks."""
+    """Run the pump's loop that holds a depth without speed: with less volume the vehicle sinks."""
     part = int(gains[g.BUOYANCY_PART])
     if not 0 <= part < command.size:
         return
@@ -146,11 +146,11 @@ def _leave_surface(gains, command):
 
 @borrowing
 def _moves_against_phase(row, gains, phase, depth_rate):
-    """Tell whether a vehicle that turns by rolling is not yet moving in the direction of its phase.
+    """Tell whether a vehicle that turns by rolling does not yet sink in a dive, or rise in a climb.
 
-    In an inflection, or when it leaves the surface, its lift has the opposite sign or is zero. A
-    loop with the phase's sign would then turn it away from its heading. As real gliders do, it
-    keeps the roll that flies straight.
+    In an inflection, or at the start of a dive, its lift has the opposite sign or is zero. A loop
+    with the phase's sign would then turn the vehicle away from its heading. As in real gliders, the
+    battery keeps the roll that flies straight.
     """
     opposite = row[g.DIVE_TURN] * row[g.CLIMB_TURN] < 0.0
     if gains[g.TURNS_BY_ROLL] == 0.0 or phase == g.ON_LEVEL or not opposite:
@@ -207,7 +207,7 @@ def _steer(
     pitch_rate = q * math.cos(roll) - r * math.sin(roll)
 
     if phase in (g.HOLDING, g.AT_SURFACE):
-        # the surface is open loop too: without speed there is no damping to close a loop around
+        # no pitch loop at the surface either: without speed, nothing damps a closed loop
         state[g.PITCH_SETPOINT] = np.nan
         _copy_command(row, g.REST_COMMAND, command)
         return
@@ -304,8 +304,8 @@ def guidance_step(
       north, east: [m] position of the vehicle, from a fix at the surface; NaN: no fixes.
       current_north, current_east: [m/s] estimate of a navigator, which then also gives north and
         east under water; NaN: no navigator, so guidance dead-reckons (`reckoning`).
-      fixed: 1 if a receiver has a fix, so the vehicle is at the surface whatever its gauge reads;
-        0: the depth alone decides.
+      fixed: 1 if a receiver has a fix: the vehicle is at the surface whatever its gauge reads; 0:
+        the depth alone decides.
     """
     _steer(
         table, gains, state, t, depth, roll, pitch, heading, p, q, r, command, altitude,

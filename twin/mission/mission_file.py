@@ -19,7 +19,7 @@ from twin.numbers import number as as_number
 from twin.vehicle.assembly import MOST_FOLLOWERS
 
 # --- table: one row per segment; the last row is the end of the mission -----------------------
-KIND = 0  # one of the kinds below
+KIND = 0  # one of the types below
 MIN_DEPTH, MAX_DEPTH = 1, 2  # [m] where a climb and a dive turn
 DIVE_PITCH, CLIMB_PITCH = 3, 4  # [rad] signed: nose down is negative
 HEADING = 5  # [rad], NaN: the heading at entry
@@ -32,7 +32,7 @@ ABORT_DEPTH = 12  # [m], inf: none
 SURFACE_DEPTH = 13  # [m] the vehicle counts as surfaced above this depth
 DIVE_TURN, CLIMB_TURN = 14, 15  # factor of the heading loop, signed like the turn
 MIN_ALTITUDE = 16  # [m] altitude at which a dive turns and a level leg rises, NaN: none
-DEPTH, ALTITUDE = 17, 18  # [m] one of them holds on a level leg or in a hover, NaN: none
+DEPTH, ALTITUDE = 17, 18  # [m] of a level leg or hover; the other one is NaN
 LEVEL_PITCH = 19  # [rad] at which a level leg keeps its depth
 TURN_RATE = 20  # [rad/s] of the heading setpoint on a level leg, 0: straight
 # for dead reckoning, of dive and climb: horizontal speed through the water [m/s], and angle of
@@ -57,18 +57,18 @@ LEVEL_COMMAND, LEVEL_TURN = DIVE_COMMAND, DIVE_TURN
 
 SAW_TOOTH, SPIRAL, SURFACE, HOLD, LEVEL, HOVER = 1.0, 2.0, 3.0, 4.0, 7.0, 8.0
 WAYPOINT = 9.0
-END_AT_SURFACE, END_HOLDING = 5.0, 6.0  # kinds of the last row
+END_AT_SURFACE, END_HOLDING = 5.0, 6.0  # types of the last row
 
 # --- gains ------------------------------------------------------------------------------------
 PITCH_KP, PITCH_KI, PITCH_KD = 0, 1, 2  # position per error [rad], integral [rad s], rate [rad/s]
-HEADING_KP, HEADING_KI, HEADING_KD = 3, 4, 5  # the same for heading
+HEADING_KP, HEADING_KI, HEADING_KD = 3, 4, 5  # units as for pitch
 PERIOD = 6  # [s]
 PITCH_PART, PITCH_SENSE = 7, 8  # index of the part, -1: none; +1 or -1
 TURN_PART = 9  # index of the part, -1: none
 DEPTH_KP, DEPTH_KI, DEPTH_KD = 10, 11, 12  # [rad] nose down per depth [m], [m s], [m/s]
 TRIM_KP, TRIM_KI, TRIM_KD = 13, 14, 15  # like the pitch loop's, for the trim part in a hover
 TRIM_PART, TRIM_SENSE, TRIM_LOW, TRIM_HIGH = 16, 17, 18, 19  # the trim part and its travel
-BUOYANCY_KP, BUOYANCY_KI, BUOYANCY_KD = 20, 21, 22  # [cm3] less per depth error, as above
+BUOYANCY_KP, BUOYANCY_KI, BUOYANCY_KD = 20, 21, 22  # [cm3] decrease per depth [m], [m s], [m/s]
 BUOYANCY_PART, BUOYANCY_LOW, BUOYANCY_HIGH = 23, 24, 25  # index of the pump, and its travel
 PITCHES_AT_REST = 26  # 1: a battery controls pitch and needs no flow
 COMPASS_OFFSET = 27  # [rad] compass reading minus true heading
@@ -156,7 +156,7 @@ def within(
     open_low: bool = False,
     open_high: bool = False,
 ) -> None:
-    """Check low <= value <= high; an open end is excluded."""
+    """Check that a value is in [low, high]; a limit that is `open` is itself refused."""
     x = number(label, field, value)
     if (x > low or (x == low and not open_low)) and (x < high or (x == high and not open_high)):
         return

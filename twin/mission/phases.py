@@ -67,7 +67,7 @@ def _enter(table, state, index, t, depth, altitude, heading):
 def _must_surface(row, state, t, following):
     """True if a flight to a waypoint surfaces now: by time, by yos or on arrival.
 
-    `following`: next phase; the turns at the largest and the least depth are already made.
+    `following`: next phase, after the turns at the largest and the least depth.
     """
     if state[g.ARRIVED] != 0.0:
         return bool(row[g.SURFACE_AT_TARGET] != 0.0)
@@ -100,7 +100,7 @@ def _waypoint_phase(row, state, t, following):
 def advance(table, state, t, depth, altitude, heading, afloat):
     """Advance phase and segment: turn at limits of depth and altitude, count yos, go on, abort.
 
-    `afloat`: the vehicle is known to be at the surface, which ends a climb whatever its depth.
+    `afloat`: the vehicle is known to be at the surface, so that a climb ends at any depth reading.
     """
     end = table.shape[0] - 1
     if state[g.PHASE] == g.NOT_STARTED:
@@ -132,7 +132,7 @@ def advance(table, state, t, depth, altitude, heading, afloat):
     if table[index, g.KIND] == g.WAYPOINT:
         following = _waypoint_phase(table[index], state, t, following)
         there = state[g.ARRIVED] != 0.0 and following != g.SURFACING
-        # the surface interval for a fix comes before the next target
+        # surface for a fix first, then go on to the next target
         there = there and following != g.AT_SURFACE
 
     if index < end and state[g.DONE] == 0.0:

@@ -34,7 +34,7 @@ class Mission:
     name: str = "mission"
     """Name of the mission in summaries and stores."""
     duration_s: float | None = None
-    """Time at which the simulation ends [s]; None: when the segments are flown."""
+    """Time at which the simulation ends [s]; None: the end of the last segment."""
     start_depth_m: float = 0.0
     """Depth of the start [m], positive down."""
     start_heading_deg: float = 0.0
@@ -129,7 +129,7 @@ class Mission:
 
     @property
     def needs_floor(self) -> str:
-        """Name of the first field in use that needs a sea floor; empty: none does."""
+        """Name of the first field in use that needs a sea floor; empty if no field does."""
         for name in ("altitude_m", "min_altitude_m"):
             if any(getattr(segment, name, None) is not None for segment in self.segments):
                 return name
@@ -137,7 +137,7 @@ class Mission:
 
     @property
     def needs_place(self) -> bool:
-        """True if a target is a latitude and longitude, so the start must be known on the Earth."""
+        """True if a target has a latitude and longitude, so that the start must have them too."""
         return any(getattr(segment, "geographic", False) for segment in self.segments)
 
     def placed(self, latitude: float, longitude: float) -> Mission:
@@ -154,7 +154,7 @@ class Mission:
     def compile(self, vehicle: Vehicle) -> tuple[Array, Array]:
         """Table (rows + 1, SEGMENT_COLUMNS + 3 parts) and gains (GAINS,) for guidance.
 
-        A segment has one row; a kind made of several segments, such as a lawn-mower, has several.
+        A segment has one row; a type made of several segments, such as a lawn-mower, has several.
 
         Raises:
           MissionError: a segment exceeds the vehicle's abilities, or a target is in degrees.

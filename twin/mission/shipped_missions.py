@@ -77,7 +77,7 @@ def load_mission_for(
 
     Raises:
       MissionError: as for `load_mission`; or the vehicle cannot fly it. If a shipped mission is for
-        another kind of vehicle, the message names the usual one of this vehicle.
+        another type of vehicle, the message names the usual one of this vehicle.
     """
     usual = usual_mission(vehicle)
     asked = mission is not None
@@ -129,7 +129,7 @@ MISSING = "-"
 
 @dataclass(frozen=True, kw_only=True)
 class VehicleLine:
-    """Figures of one shipped vehicle; None if it lacks the part or does not glide."""
+    """Numbers of one shipped vehicle; None if it lacks the part or does not glide."""
 
     name: str
     summary: str
@@ -157,7 +157,7 @@ class VehicleLine:
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> VehicleLine:
-        """Figures of a vehicle; raises MissionError if its usual glide is impossible."""
+        """Numbers of a vehicle; raises MissionError if its usual glide is impossible."""
         pump, propeller = vehicle.steered("buoyancy"), vehicle.steered("speed")
         pitch, net_mass = vehicle.usual_glide
         dive = climb = None
@@ -204,5 +204,5 @@ def _cell(value: float | None, form: str) -> str:
 
 
 def shipped_vehicles() -> list[VehicleLine]:
-    """Figures of every shipped vehicle, in the order of names."""
+    """Numbers of every shipped vehicle, in the order of names."""
     return [VehicleLine.of(load_vehicle(name)) for name in vehicle_names()]

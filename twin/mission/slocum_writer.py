@@ -1,9 +1,9 @@
 """Slocum writer: a mission of waypoints as the argument files (.ma) that a Slocum reads at sea.
 
 `goto_l10.ma` holds the targets, `yo10.ma` depths and pitches, `surfac10.ma` the surfacings. The
-vehicle's mission file names them by number. `twin.mission.slocum_mission` reads them back. Settings
-that the files leave out keep their values on the vehicle: a surfacing at each target, and pump
-volumes that the mission does not give.
+vehicle's mission file names them by number. `twin.mission.slocum_mission` reads them back. The
+files do not set the surfacing at each target, nor pump volumes that the mission does not give: the
+vehicle keeps its own settings of these.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def slocum_arguments(mission: Mission, *, number: int = NUMBER) -> dict[str, str
       number: number of the files, 0 to 99.
 
     Raises:
-      MissionError: another kind of mission, or targets in metres from the start.
+      MissionError: another type of mission, or targets in metres from the start.
     """
     if not 0 <= number <= MOST_NUMBER:
         raise MissionError(f"argument files have numbers from 0 to {MOST_NUMBER}, not {number}")
@@ -55,7 +55,7 @@ def waypoints_of(mission: Mission, what: str) -> Waypoint:
     """Return the only segment of a mission, which must be waypoints with geographic targets.
 
     Raises:
-      MissionError: the segment is of another kind, or its targets are in metres from the start.
+      MissionError: the segment is of another type, or its targets are in metres from the start.
     """
     segment = mission.segments[0]
     if len(mission.segments) != 1 or not isinstance(segment, Waypoint):

@@ -184,7 +184,7 @@ class FlightFilter:
         """Create the filter.
 
         Args:
-          vehicle: as in its file.
+          vehicle: vehicle with the nominal parameters of its file.
           period: [s] between samples.
           spread: standard deviations of the hull's parameters from the file.
           start: estimate from earlier dives, in place of the file and `spread`.

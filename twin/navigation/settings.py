@@ -1,6 +1,6 @@
 """Navigation settings: guidance of a simulation by estimates instead of the true state.
 
-An on-board filter computes the estimated channels from the measured ones.
+The flight filter computes the channels ESTIMATED from measured ones.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ ESTIMATED = tuple(f"estimated_{name}" for name in OUTPUTS)
 """Channels of `twin.navigation.flight_filter`, in the order of its outputs"""
 MIXED = ("surge", "steady", "surge_sd")
 ADAPTED = tuple(f"adapted_{name}" for name in MIXED)
-"""Channels of a second filter that starts from earlier dives; they are mixed into a surge"""
+"""Channels of a second flight filter, which starts from earlier dives; networks mix in its surge"""
 CTD = "measured_density"
-"""Channel of the flight filter that a vehicle without a CTD does not have"""
+"""Channel of the flight filter that only a CTD measures"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -48,7 +48,7 @@ class Navigation:
     seed: int = 0
     """Seed of the sensors' errors."""
     bottom_depth: float | None = None
-    """[m] Depth of the bottom for a Doppler log without a sea floor; None: out of its range."""
+    """[m] Bottom depth for the DVL in scenarios without a sea floor; None: no bottom in range."""
     current: CurrentParameters | None = None
     """Parameters of the current filter; None: those of a usual sea, with the speed error that the
     estimator states and the compass error that the sensors state."""
@@ -175,7 +175,7 @@ def estimate(
 
     Args:
       signals: channels that the filter reads.
-      vehicle: as in its file.
+      vehicle: vehicle with the nominal parameters of its file.
       mission: number for error messages.
       spread: uncertainty of the hull's parameters.
       advise: gives advice on bad channels for error messages, besides repairing the store.

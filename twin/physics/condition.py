@@ -1,8 +1,8 @@
 """Condition: the vehicle at each time of a run, written into a compiled model; electric signals.
 
 Faults turn a vehicle's parameters into a table over time, whose rows are conditions. An engine
-applies each row from its time on: to the numbers of MuJoCo's model, or to the rows of a block.
-The functions that write the start of a run into MuJoCo's model and data are here too.
+applies each row from the row's time on, to MuJoCo's model or to the rows of a block. Functions that
+write the start of a run into MuJoCo's model and data are here too.
 
 Electric signals are the readings of a vehicle's charge counter, voltmeter and vacuum gauge.
 """
@@ -68,13 +68,13 @@ SEA_LEVEL = 101_325.0
 def stagger(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Move the velocities back by half a step, to the time at which a time-centred run stores them.
 
-    Evaluates the forward dynamics once, then clears `userdata`, so guidance and log begin again.
+    This evaluates the forward dynamics once and clears `userdata`: guidance and log begin again.
     """
     command = data.ctrl.copy()
     mujoco.mj_forward(model, data)
     mass = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, mass)
-    # the screws hold the battery, so it moves with the hull
+    # the battery's screws hold it, so it moves with the hull
     change = np.linalg.solve(mass[:6, :6], data.qfrc_smooth[:6]) * model.opt.timestep
     data.qvel[:6] -= 0.5 * change
     data.ctrl[:], data.userdata[:] = command, 0.0
@@ -108,7 +108,7 @@ def apply_real_vehicle(
     """Put the ballasting and the encoders' zero errors of a vehicle into its model.
 
     Args:
-      density: of the water that the ballast is for. encoder_zeros: by part, in the parts' units.
+      density: density of the ballast's water. encoder_zeros: true positions at a reading of 0.
     """
     head, rows = header(model), part_table(model)
     if ballast is not None:
@@ -117,7 +117,7 @@ def apply_real_vehicle(
     for name, zero in encoder_zeros.items():
         index = vehicle.part_names.index(name)
         if index in driven:
-            # at the encoder's zero the joint then sits at the offset
+            # the joint is at the offset when its encoder reads 0
             model.qpos0[driven[index]] -= zero
         else:
             rows[index]["zero"] = zero
@@ -153,10 +153,10 @@ def healthy(scenario: Scenario) -> Condition:
 def become(model: mujoco.MjModel, before: Vehicle, zeros: Array, condition: Condition) -> None:
     """Change a compiled model to match a condition, in the middle of a run or at its start.
 
-    The tables of the run, the log and the state of the simulation stay.
+    The run's tables, log and state stay unchanged.
 
     Args:
-      before: the vehicle that the model was compiled for.
+      before: vehicle that the model was compiled for.
       zeros: `qpos0` of the model as compiled, shape (nq,).
     """
     vehicle, head = condition.vehicle, header(model)

@@ -25,7 +25,7 @@ class Fleet:
     """Simulations side by side on MuJoCo's thread pool; bit-identical at any thread count.
 
     `batch` is an ordinary `mujoco.batch.Batch`: bind fields, write `ctrl`, step. Its models hold
-    their own water, so the batch outlives the fleet. Only `step` keeps the logs whole.
+    their own water, so the batch outlives the fleet. Only `Fleet.step` keeps the logs complete.
     """
 
     def __init__(self, scenarios: Sequence[Scenario], *, threads: int = 0):
@@ -66,7 +66,7 @@ class Fleet:
         return max(s.steps for s in self.simulations)
 
     def step(self, steps: int = 1) -> None:
-        """Advance every simulation by `steps` physics steps and keep the logs whole."""
+        """Advance every simulation by `steps` physics steps and keep the logs complete."""
         at_most = min(s.steps_per_collection for s in self.simulations)
         userdata = self.batch.bind("userdata")
         while steps > 0:
@@ -95,7 +95,7 @@ class Fleet:
 
 
 def _check_alike(scenarios: Sequence[Scenario]) -> None:
-    """Refuse models of unlike structure: parts, masses, law and hydrodynamics must agree."""
+    """Refuse models of different structure: parts, masses, law and hydrodynamics must agree."""
 
     def structure(scenario: Scenario) -> tuple[object, ...]:
         vehicle = scenario.vehicle
@@ -131,7 +131,7 @@ class SteppedVehicle:
         """Put the vehicle at the start.
 
         Args:
-          scenario: without a mission; its `duration` limits the flown time.
+          scenario: scenario without a mission; its `duration` limits the flown time.
 
         Raises:
           InputError: the scenario has a mission or `navigate`, which would command the vehicle too.
@@ -169,7 +169,7 @@ class SteppedVehicle:
         return self._done >= self._simulation.steps or self._simulation.failed
 
     def step(self, command: Command, seconds: float | None = None) -> Observation:
-        """Hold a command for some time and return the observation at its end.
+        """Hold a command for a time and return the observation at its end.
 
         Args:
           command: positions by part; parts that are left out go to rest.
@@ -237,7 +237,7 @@ class SteppedVehicle:
         return {name: value for name, value in signals.items() if name not in _OF_THE_WATER}
 
     def failsafe(self) -> Command:
-        """Failsafe command: parts rest, except those that can bring the vehicle up."""
+        """Failsafe command: parts that can bring the vehicle up do so, all others rest."""
         return Command(**{part.name: part.failsafe for part in self.vehicle.parts})
 
     def saved(self) -> tuple[Saved, int]:

@@ -47,7 +47,7 @@ CHUNK = 64
 INTEGRATOR = "adams-bashforth"
 """Name of the integrator of lanes; see `twin.fossen.lanes`."""
 LONGEST_STEP = 1.0
-"""[s] Longest step that lanes accept."""
+"""[s] Limit of the step in lanes."""
 
 
 class Aground(FloorError):
@@ -180,7 +180,7 @@ def _response_rows(vehicle: Vehicle) -> dict[str, Any]:
 
 
 def _check(scenario: Scenario, vehicle: Vehicle) -> None:
-    """Refuse options that lanes do not have, by name."""
+    """Raise an error that names an option without effect in lanes."""
     for name, there in (
         ("navigate", scenario.navigate is not None),
         ("integrator", scenario.integrator is not None),
@@ -216,7 +216,7 @@ def _parts_of_joints(xml: str) -> tuple[int, ...]:
 
 
 class LaneBlock:
-    """Block of lanes of one key, at most as many as the widest block holds."""
+    """Block of lanes with equal `key`, at most as many as the widest block holds."""
 
     def __init__(self, lanes: Sequence[Lane]):
         first = lanes[0]
@@ -326,7 +326,7 @@ class LaneBlock:
 
 
 def joined(tables: Sequence[Array]) -> tuple[Array, NDArray[np.int64]]:
-    """Concatenate tables; also return where each begins and the last one ends."""
+    """Concatenate tables; also return the index at which each begins and the last ends."""
     places = np.concatenate([[0], np.cumsum([table.size for table in tables])]).astype(np.int64)
     return np.concatenate([*tables, np.zeros(0)]), places
 
@@ -342,8 +342,8 @@ def fly_in_lanes(
 ) -> list[Trajectory | SimulationUnstable]:
     """Fly scenarios in lanes of the batched Fossen engine; `threads` 0 takes every core.
 
-    Each element is a trajectory, or the `SimulationUnstable` that ended the run; a `StepTooLong`
-    if the run could not begin.
+    Each element is a trajectory, the `SimulationUnstable` that ended the run, or a `StepTooLong` if
+    the run could not begin.
 
     Args:
       numbers: index of each scenario in errors, None: no index; by default its place in the list.
@@ -387,7 +387,7 @@ def fly_in_lanes(
 def flown_abreast(lanes: Sequence[Lane]) -> Iterator[tuple[int, LaneResult]]:
     """Fly lanes on this thread; yield the index and the result of each.
 
-    A trajectory is made when it is asked for, so only the logs of a block are in memory at once.
+    A trajectory is made on request, so that only the logs of one block are in memory.
     """
     for members in _blocks(lanes, 1):
         yield from _lane_results(lanes, members, range(len(lanes)))
@@ -424,7 +424,7 @@ def _lane_results(
     block = LaneBlock([lanes[index] for index in members])
     logs = block.fly(lean)[::-1]
     for k, index in enumerate(members):
-        rows, ours = logs.pop()  # frees each log once it is read
+        rows, ours = logs.pop()  # frees each log after its use
         lane, touched = lanes[index], float(block.counts[k, ln.FLOOR_TIME])
         found: LaneResult
         if math.isnan(touched):

@@ -2,8 +2,8 @@
 
 The block lies in the model's own custom numbers, so it is copied, pickled and freed with the model.
 
-Tables are the numbers of a scenario that native code reads. They are part of the model, so their
-sizes must be known when it is compiled; a fleet gives all its models the size of the largest.
+Tables are the numbers of a scenario that native code reads. They lie in the model, so their sizes
+must be known when the model is compiled. A fleet gives all its models room for the largest tables.
 
 `check_integration` refuses unsuitable integrators, steps and sample periods.
 """
@@ -39,7 +39,7 @@ class Tables(NamedTuple):
     plan: Array = np.zeros((0, 0))
     """Mission table or schedule, shape (rows, columns)."""
     control: float = b.CONTROL_NONE
-    """Kind of the plan: one of the block's CONTROL_*."""
+    """Type of the plan: one of the block's CONTROL_*."""
     gains: Array | None = None
     """Gains of a mission, shape (GAINS,)."""
     current: Array = _NONE
@@ -65,7 +65,7 @@ def tables_of(scenario: Scenario, duration: float, plans: Plans | None = None) -
     """Compile the tables of a scenario that flies for `duration` [s].
 
     Args:
-      plans: of other scenarios, which still exist; a shared plan is compiled once.
+      plans: compiled plans of other scenarios that still exist; a shared plan is compiled once.
 
     Raises:
       MissionError, CurrentError, FloorError: the plan, the current or the sea floor is unsuitable.
@@ -297,7 +297,7 @@ def write_tables(model: mujoco.MjModel, tables: Tables) -> None:
     used = int(head["plan"]["start"])
     for name in RUN_TABLES:
         values = getattr(tables, name).ravel()
-        head[name]["size"] = 0  # before the values: nobody reads half a table
+        head[name]["size"] = 0  # first, so that no thread reads a half-written table
         head[name]["start"] = used
         body[used : used + values.size] = values
         head[name]["size"] = values.size
@@ -327,9 +327,9 @@ def label(vehicle: Vehicle) -> str:
 
 
 MOST_SAMPLES = 4_000_000
-"""Largest number of samples of one run: about 1.3 GB of log, 23 days at 2 Hz."""
+"""Most samples of one run: about 1.3 GB of log, 23 days at 2 Hz."""
 IMPLICIT_STEP = 0.02
-"""[s] Longest step for the integrators implicit and implicitfast, because of the stiff servos."""
+"""[s] Limit of the step with the integrators implicit and implicitfast: servos are stiff."""
 _EXPLICIT = (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_RK4)
 
 
@@ -349,7 +349,7 @@ def check_integration(model: mujoco.MjModel, period: float, samples: int, durati
     """Refuse unsuitable integrators, steps that miss samples, and runs beyond memory.
 
     Args:
-      model: with the integrator and the step of the run.
+      model: model with the integrator and the step of the run.
       period: [s] between samples.
       samples: number of samples of the whole run of `duration` [s].
 

@@ -44,7 +44,7 @@ INTEGRATORS = {
 SHORTEST_STEP, LONGEST_STEP = 1e-4, 1.0
 """[s] Limits of the physics step."""
 ELLIPSOID_TIMESTEP = 0.02
-"""[s] Longest default step of the ellipsoid law; its stiff rotary drag diverges at 0.1 s."""
+"""[s] Upper bound of the ellipsoid law's default step; its stiff rotary drag diverges at 0.1 s."""
 HULL_SHAPE = "glider_twin_hull_shape"
 ALL_BITS = 2**31 - 1
 """Masks contype and conaffinity that match every geom that can collide at all."""
@@ -52,8 +52,8 @@ BEFORE_FIRST_STEP = -1e5
 """[m] Height of the floor's plane until native code first places it."""
 HIDDEN_GROUP = 5
 CONTACT_TIME = 0.2
-"""[s] Time constant of contacts with the sea floor, soft as mud, for every physics step: the least
-that the shipped step of 0.1 s allows; our choice."""
+"""[s] Time constant of contacts with the sea floor, soft as mud, at any physics step. Our choice:
+the least time constant that the shipped step of 0.1 s allows."""
 _OFF = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 _FREE_JOINT_ROWS = np.array([0, 1, 3, 6, 10, 15])
 
@@ -98,8 +98,8 @@ def compile_model(
       timestep: [s], None: the file's.
       integrator: one of INTEGRATORS, None: the file's.
       lean: leave out what only pictures and sensors need; the dynamics are the same.
-      tables: mission, current, density and floor for the model to carry.
-      reserve: least count of numbers that the model's tables must have room for.
+      tables: mission, current, density and sea floor that the model carries.
+      reserve: least count of numbers for which the model's tables must have room.
       log: give `userdata` room for the log of a `Simulation`.
       centred: hydrodynamics at the time-centred velocity; RK4 has that without the option.
       stiff: stiffness of the motion; it decides whether a centred step is implicit in rotary
@@ -283,7 +283,7 @@ def prepare_contacts(spec: mujoco.MjSpec, vehicle: Vehicle, *, floor: bool) -> N
             'leave the flags out, or give a geom that is only drawn contype="0" conaffinity="0"'
         )
     if not (floor or obstacles):
-        if len({geom.parent.name for geom in colliding}) < 2:  # MuJoCo need not look for contacts
+        if len({geom.parent.name for geom in colliding}) < 2:  # nothing can touch anything
             spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
             if not (spec.equalities or spec.tendons or any(map(_constrained, spec.joints))):
                 spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT

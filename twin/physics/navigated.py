@@ -2,8 +2,8 @@
 
 The vehicle's sensors measure every sample; the navigator estimates position, velocity and current.
 The compiled guidance, called from Python, reads measured depth, attitude, rates, part positions and
-altitude, with the estimated position and current. A command therefore acts one physics step
-after its sample was taken.
+altitude, with the estimated position and current. A sample is complete one physics step after its
+time, so a command acts one step later too.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Signals are (mission, time) in float32 with NaN padding; `simulation_state` holds MuJoCo's exact
 state in float64.
 
-`summarise` gives the key figures of one mission: duration, distance, depth, speed and energy.
+`summarise` gives the key numbers of one mission: duration, distance, depth, speed and energy.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ UNDER_WATER_M, UNDER_WAY_M_S = 1.0, 0.05
 
 
 def summarise(trajectory: Trajectory) -> dict[str, Any]:
-    """Compute the key figures of a trajectory; each name ends in its unit, parts name theirs.
+    """Compute the key numbers of a trajectory; each name ends in its unit, parts name theirs.
 
     The angle of attack counts samples in flight only (UNDER_WATER_M, UNDER_WAY_M_S), else is NaN.
     """

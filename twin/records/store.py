@@ -77,7 +77,7 @@ def write_zarr(
     """Write any dataset as a zarr v3 group that `xarray.open_zarr(path)` opens without options.
 
     Each chunk has a CRC-32C, so any reader of a damaged chunk fails. `folder` must come from
-    `whole_folder`, because a kill leaves part of the group.
+    `whole_folder`: without it, a killed process leaves part of the group.
 
     Args:
       along: dimension along which the dataset is appended to the existing group's arrays.
@@ -106,7 +106,7 @@ def read_zarr(folder: Path) -> xr.Dataset:
 def write_netcdf(
     dataset: xr.Dataset, path: Path, encoding: Mapping[str, Any] | None = None
 ) -> None:
-    """Write any dataset as netCDF4; `path` must come from `whole_file`: a kill leaves half a file.
+    """Write a dataset as netCDF4; `path` is from `whole_file`, or a killed process leaves a part.
 
     Raises:
       OSError: the disk refuses; the netCDF library gives no reason.
@@ -160,7 +160,7 @@ def open_store(path: str | StorePath, *, dask: bool = True) -> xr.Dataset:
 
     path = store_path(path)
     if isinstance(path, Path) and not path.exists():
-        with contextlib.suppress(OSError):  # a kill may have left it in the hidden folder
+        with contextlib.suppress(OSError):  # a killed process may have left it in the hidden folder
             recover(path)
     try:
         unfinished = is_unfinished(path)
@@ -209,7 +209,7 @@ def _describe_other(path: StorePath) -> str:
 
 
 def declare_signals(dataset: xr.Dataset) -> None:
-    """Declare the signals of a store that this process does not know."""
+    """Declare the signals of a store that the schema lacks, such as those of a user's parts."""
     for name, array in dataset.data_vars.items():
         if array.dims == (MISSION, TIME):
             declare_stored(str(name), array.attrs)

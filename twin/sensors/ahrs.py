@@ -57,12 +57,12 @@ FORCES = ("specific_force_x", "specific_force_y", "specific_force_z")
 IRON = ("a0", "b", "c", "vertical", "d", "e", "battery_x", "battery_y", "battery_z")
 """Constants of a compass that are sampled per mission."""
 MAX_SHIFT = 0.2
-"""[m] Longest travel of a glider's battery; the compass must be farther away."""
+"""[m] Upper bound of a glider battery's travel; the compass must be farther away."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Attitude(Sensor):
-    """Filter of roll and pitch, with an error of its own; the defaults are a 3DM-GX5-25's.
+    """Filter of roll and pitch, with an error of its own; the defaults describe a 3DM-GX5-25.
 
     The data sheet's 0.25 deg RMS consists of 0.2 deg from the default gyros' turn-on bias, 0.13 deg
     from the accelerometers' bias and misalignment, and `rms_deg`.
@@ -79,9 +79,9 @@ class Attitude(Sensor):
     unset: ClassVar[Mapping[str, Any]] = {"time_constant": 0.0}
 
     time_constant: float = 5.0
-    """[s] Time in which the filter relaxes to the accelerometers; 0: no filter, only the error
-    below. The device's complementary filter takes 10 s, which gives its 0.5 deg with these gyros.
-    The default is half of that, because the device's Kalman filter estimates the gyro bias"""
+    """[s] Time in which the filter relaxes to the accelerometers; 0: no filter, only `rms_deg`. The
+    device's complementary filter takes 10 s, which gives its 0.5 deg with these gyros. The default
+    is 5 s, because the device's Kalman filter also estimates the gyro bias"""
     rms_deg: float = 0.08
     """[deg] RMS per angle of the filter's own error, a stationary Gauss-Markov process"""
     correlation_time: float = 120.0
@@ -147,7 +147,7 @@ class AttitudeRun(SensorRun):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Compass(Sensor):
-    """Standard deviations of a compass's errors; the defaults are a calibrated compass.
+    """Standard deviations of a compass's errors; the defaults describe a calibrated compass.
 
     OceanGliders' depth-averaged current procedure: about 1 deg or less after calibration,
     usually up to 5 deg without.

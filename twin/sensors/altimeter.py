@@ -39,7 +39,7 @@ MARCH = 2.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Altimeter(Sensor):
-    """One narrow beam; it measures in missions with a sea floor.
+    """One narrow beam, which measures in missions with a sea floor.
 
     Range and tilt: the altimeter of Slocum gliders (Teledyne's G2 manual: 0 to 100 m, tilted by
     26 deg so that it is plumb in a dive at that pitch). Noise, scale and lost pings: our estimates.
@@ -174,5 +174,5 @@ class AltimeterRun(SensorRun):
         from twin.water.floor.lookup import beam_lengths
 
         place = columns(signals, ("true_north", "true_east", "true_depth"), at)
-        reach = 1.1 * self.altimeter.max_range  # noise may bring a longer range back within reach
+        reach = 1.1 * self.altimeter.max_range  # noise may make a longer range a measured one
         return beam_lengths(self.floor, *place, toward, reach, MARCH)

@@ -1,4 +1,4 @@
-"""Sensor: the base class, its registry, and shared code for checks and random streams.
+"""Sensor: the base class, the table of its types, and shared code for checks and random streams.
 
 A sensor is a frozen dataclass. Its fields are the settings, its class attributes declare the
 signals and constants, and `measure` is its model. After `register`, suites, stores, limits, figures
@@ -58,7 +58,7 @@ class Surroundings:
     density: DensityProfile | None = None
     """Density profile; None: constant, the default profile."""
     bottom_depth: ArrayLike | None = None
-    """[m] Depth of the bottom, a number or one per sample; None: no instrument reaches it."""
+    """[m] Depth of the bottom, a number or one per sample; None: out of the instruments' reach."""
     floor: Array | None = None
     """Compiled sea floor; None: flat at `bottom_depth` under each sample."""
     current: Array | None = None
@@ -74,7 +74,7 @@ class Outset:
     """Data of a mission that are known before its first sample."""
 
     samples: int
-    """Largest number of samples in the mission, n; random numbers are sampled for n samples."""
+    """Most samples in the mission, n; random numbers are sampled for n samples."""
     signals: Iterable[str]
     """Names of the vehicle's signals."""
     dt: float
@@ -87,7 +87,7 @@ class Outset:
 
 
 class SensorRun:
-    """A sensor at work in one mission, one stretch of samples after the other."""
+    """Run of a sensor through one mission, in consecutive stretches of samples."""
 
     delay = 0
     """Number of later samples that a reading needs, such as for a mean over an interval around the
@@ -100,7 +100,7 @@ class SensorRun:
 
         Args:
           signals: arrays of the whole mission, shape (n,), known up to sample last - 1 + `delay`.
-          first: end of the stretch before, 0 at the mission's start.
+          first: index after the stretch before, 0 at the mission's start.
         """
         raise NotImplementedError
 
@@ -207,7 +207,7 @@ class Sensor:
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """Describe a kind's first fault; if there is none, declare its variables in the schema."""
+        """Describe a type's first defect; if there is none, declare its variables in the schema."""
         if flaw := cls._unfinished() or _flaw_of_variables(cls.writes):
             return flaw
         drawn = cls().draw(np.random.default_rng(0))
@@ -268,7 +268,7 @@ def _flaw_of_variables(writes: Sequence[Any]) -> str:
 
 
 SENSORS: Registry[type[Sensor]] = seams.SENSORS
-"""All sensors by name; the shipped ones are in every suite."""
+"""All sensors by name; every suite has the shipped sensors."""
 
 register = SENSORS.add
 """Register your own sensor; usable as a decorator."""

@@ -4,8 +4,8 @@
 profile under the gravity of the mission's latitude, which grows with depth (TEOS-10).
 `measured_depth` is computed as in the field, from pressure and latitude without density: TEOS-10's
 `z_from_p` for a standard ocean of 0 degC and 35 g/kg (McDougall and Barker, 2011). It differs from
-the true depth by the water column's dynamic height: in warm or fresh, hence lighter, water it is
-too small. The vehicle itself flies under the constant gravity of its file.
+the true depth by the water column's dynamic height: in warm or fresh, hence lighter, water the
+depth is too small. The vehicle itself flies under the constant gravity of its file.
 
 The CTD's thermistor follows the water with a first-order lag. The wall of the conductivity cell
 stores heat, so the cell's water is warmer or colder than the thermistor, which causes false
@@ -161,7 +161,7 @@ class PressureRun(SensorRun):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Ctd(Sensor):
-    """Errors and lags of a pumped CTD; the zero errors are sampled once per mission."""
+    """Errors and lags of a pumped CTD; the offsets are sampled once per mission."""
 
     name = "ctd"
     reads = ("true_depth", "measured_pressure")
@@ -175,9 +175,9 @@ class Ctd(Sensor):
     ideal_is_truth = True
 
     temperature_offset: float = 0.001
-    """[degree_Celsius] Standard deviation: the sheet's +-0.002 read as two sigma"""
+    """[degree_Celsius] Standard deviation: the data sheet's +-0.002, taken as two sigma"""
     conductivity_offset: float = 0.00015
-    """[S/m] Standard deviation: the sheet's +-0.0003 read as two sigma"""
+    """[S/m] Standard deviation: the data sheet's +-0.0003, taken as two sigma"""
     temperature_resolution: float = 0.001
     """[degree_Celsius] Step of the readings; 0 is continuous"""
     conductivity_resolution: float = 0.00001

@@ -9,8 +9,8 @@ needs the whole cell layer above the floor. Three beams are enough: least square
 use gives the velocity. Pings are averaged over the interval centred on a sample, where the lock is
 decided. The vehicle removes the lever arm with its own gyro.
 
-The mount turns the instrument by a small fixed rotation, which the vehicle does not know. The beams
-are turned with it, and the vehicle takes velocities in the instrument's axes for its own.
+The mount turns the instrument and its beams by a small fixed rotation that the vehicle does not
+know: the vehicle takes velocities in the instrument's axes for velocities in its own axes.
 
 Defaults: LinkQuest 600 kHz micro (the paper's table: 0.3-110 m, 1 % +- 1 mm/s, 5 Hz); beams and
 water mode as in the osrf/lrauv simulation. Frame: body FRD, positive as the vehicle moves.
@@ -54,7 +54,7 @@ MODES = {"none": 0, "bottom": 1, "water": 2}
 CELL_SAMPLES = 3
 """Number of depths across the cell layer at which the current is averaged."""
 CELL_PERIOD = 2.0
-"""[s] Time for which the cell layer's current is held: the 40 m thick layer changes slowly."""
+"""[s] Time for which the current of the cell layer is held, as it changes slowly over 40 m."""
 MARCH = 2.0
 """[m] Step of the search for the floor along a beam, as the altimeter's."""
 BODY_RATES = ("roll_rate", "pitch_rate", "yaw_rate")
@@ -95,7 +95,7 @@ def beam_solutions(tilt: float) -> Array:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Dvl(Sensor):
-    """One instrument; its scale and sound-speed errors and misalignment are sampled per mission."""
+    """One instrument, whose scale, sound speed and misalignment errors are sampled per mission."""
 
     name = "dvl"
     reads = (
@@ -130,15 +130,15 @@ class Dvl(Sensor):
     cell_max: float = 60.0
     """[m] Distance of the farthest water cell"""
     scale: float = 0.005
-    """[1] Standard deviation of the scale error: the sheet's 1 % read as two sigma"""
+    """[1] Standard deviation of the scale error: the data sheet's 1 %, taken as two sigma"""
     sound_speed: float = 0.0
-    """[1] Standard deviation of dc/c, which adds to the scale; 0: the sheet's 1 % contains it"""
+    """[1] Standard deviation of dc/c, added to the scale error; 0: the data sheet's 1 % has it"""
     misalignment_deg: float = 0.5
     """[deg] Standard deviation of the rotation in the mount about each body axis; our estimate for
     a mechanical mount without calibration. Misalignment and attitude are the largest errors of
     Doppler navigation (Kinsey and Whitcomb, 2007)"""
     bottom_noise: float = 0.001
-    """[m/s] Noise per beam and ping: the sheet's 1 mm/s read as one sigma"""
+    """[m/s] Noise per beam and ping: the data sheet's 1 mm/s, taken as one sigma"""
     water_noise: float = 0.0035
     """[m/s] Noise per beam and ping, as in the lrauv simulation"""
     mean_lock_time: float = 600.0

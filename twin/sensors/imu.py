@@ -134,7 +134,7 @@ class Imu(Sensor):
         )
 
     def _triad(self, outset: Outset, names: tuple[str, ...], triad: str) -> TriadRun:
-        """Begin three axes of one kind, whose settings begin with `triad`."""
+        """Begin three axes of one type, whose settings begin with `triad`."""
         density, instability, walk = (
             getattr(self, f"{triad}_{name}")
             for name in ("noise_density", "bias_instability", "rate_random_walk")
@@ -160,7 +160,7 @@ class Imu(Sensor):
 
 @dataclasses.dataclass
 class TriadRun(SensorRun):
-    """Three axes of one kind."""
+    """Three axes of one type."""
 
     names: tuple[str, ...]
     matrix: Array
@@ -221,4 +221,4 @@ IMU_PRESETS: dict[str, Imu] = {
     "MTi-630": Imu(gyro_noise_density=0.007 * DEG, accel_noise_density=60e-6 * STANDARD_GRAVITY),
     "MV5-AR": Imu(gyro_noise_density=0.0075 * DEG, accel_noise_density=85e-6 * STANDARD_GRAVITY),
 }
-"""IMUs by name. A figure that a device's source lacks is the 3DM-GX5-25's."""
+"""IMUs by name. A number that a device's source lacks is the 3DM-GX5-25's."""

@@ -1,8 +1,8 @@
 """On-board track: the position that a vehicle dead-reckons and logs by itself.
 
 Buoyancy gliders, `speed_by="depth-rate"` (OceanGliders' depth-averaged current procedure: Slocum
-takes the horizontal speed as w / tan(pitch + angle of attack), Spray assumes an angle of attack of
-3 deg):
+takes the horizontal speed as w / tan(|pitch| + |angle of attack|), Spray assumes an angle of
+attack of 3 deg):
 
 1. The depth rate is the change of the measured depth over the last `window` seconds, and the pitch
    is the mean measured pitch over the same window.

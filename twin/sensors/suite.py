@@ -356,7 +356,7 @@ SUITE_PRESETS: dict[str, SensorSuite] = {
 }
 """Suites by name. `ideal`: measured equals true (GPS still only at the surface; the on-board track
 is the algorithm on ideal inputs). `field`: 3DM-GX5-25, "calibrated" compass, defaults otherwise.
-`survey`: a propelled vehicle's, with the figures of the paper's two tables: accelerometer bias
+`survey`: a propelled vehicle's, with the numbers of the paper's two tables: accelerometer bias
 instability 0.04 mg, gyro 8 deg/h, attitude 0.25 deg and heading 0.8 deg RMS, and the LinkQuest
 600 kHz micro DVL of 0.3 to 110 m, 1 % +- 1 mm/s and 5 Hz, with our lost locks and outliers.
 `survey-field`: the same instruments with the errors of `field`."""

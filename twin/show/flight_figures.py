@@ -53,7 +53,7 @@ def read_flight(path: str | Path) -> xr.Dataset:
     """Read a file of `twin flight` into memory.
 
     Raises:
-      StoreError: the file is of another kind, or cannot be read.
+      StoreError: the file is of another type, or cannot be read.
     """
     path = Path(path)
     if not is_flight(path):

@@ -48,16 +48,16 @@ def with_part(
       name: of the part, a plain word.
       kind: of vehicle part, shipped or your own; it acts at a place of the hull and moves no
         mass on a joint.
-      travel: lowest and highest position, in the kind's unit.
+      travel: lowest and highest position, in the type's unit.
       lag: [s] of the first-order response. rate: largest rate, in the unit per second.
       place: [m], body forward-starboard-down about the CB, shape (3,).
-      numbers: the kind's own numbers by name, as in a vehicle file (axes there are forward,
+      numbers: the type's own numbers by name, as in a vehicle file (axes there are forward,
         port, up).
       steers: controls that guidance serves by this part: of "pitch", "heading", "buoyancy",
         "speed", "trim".
 
     Raises:
-      VehicleError: the kind is unknown or needs a joint, or the part lacks or has a wrong number.
+      VehicleError: the type is unknown or needs a joint, or the part lacks or has a wrong number.
       InputError: the vehicle has values that its file lacks, or an argument is not a number.
     """
     file = _VehicleText(vehicle)
@@ -109,7 +109,7 @@ def with_law(
       numbers: numbers that the law reads from the file, by name.
 
     Raises:
-      VehicleError: the kind is unknown, or a number is missing or wrong.
+      VehicleError: the type is unknown, or a number is missing or wrong.
       InputError: the vehicle has values that its file lacks, or an argument is not a number.
     """
     file = _VehicleText(vehicle)

@@ -2,8 +2,8 @@
 
 Moving mass: a body that a slide or a hinge moves inside the hull, such as a battery.
 
-Allocation: sharing of one control among several parts of a kind. Guidance moves one part for each
-of pitch, heading and speed: the lead. Parts of the lead's kind with the same effect follow it: fins
+Allocation: sharing of one control among several parts of a type. Guidance moves one part for each
+of pitch, heading and speed: the lead. Parts of the lead's type with the same effect follow it: fins
 of an X tail, a third rudder, a second screw. The followers' weights give the wanted moment or
 thrust with the least sum of squared travels, and no other moment (Fossen 2011, section 12.3:
 weighted generalised inverse of the effectiveness matrix). The matrix holds each part's wrench per
@@ -68,11 +68,11 @@ STEERING = {
 def read_parts(reader: MjcfReader) -> tuple[Part, ...]:
     """Read the parts, one for each actuator of the file and in the file's order.
 
-    `<text name="NAME.kind">` gives a part's kind. Without it, an actuator on a slide or hinge is
+    `<text name="NAME.kind">` gives a part's type. Without it, an actuator on a slide or hinge is
     a battery, and the actuator named 'pump' at a site is a pump.
 
     Raises:
-      VehicleError: an actuator is no part, or lacks something that its kind needs.
+      VehicleError: an actuator is no part, or lacks something that its type needs.
     """
     parts: list[Part] = []
     for actuator in reader.actuators():
@@ -94,7 +94,7 @@ def read_parts(reader: MjcfReader) -> tuple[Part, ...]:
 
 
 def _usual_kind(reader: MjcfReader, actuator: Element, name: str) -> str:
-    """Kind of an actuator whose file gives none."""
+    """Type of an actuator whose file gives none."""
     joint = actuator.get("joint")
     if joint is not None:
         element = reader.joint(joint)
@@ -134,7 +134,7 @@ def read_masses(reader: MjcfReader, parts: tuple[Part, ...]) -> tuple[MovingMass
     """Read the bodies that slides and hinges move.
 
     Raises:
-      VehicleError: a mass is off the hull's axis, or a joint has no part or another kind.
+      VehicleError: a mass is off the hull's axis, or a joint has no part or another type.
     """
     part_by_joint = {
         actuator.get("joint"): actuator.get("name")
@@ -184,7 +184,7 @@ def read_steering(reader: MjcfReader, parts: tuple[Part, ...]) -> dict[str, str]
     """Name of the part that guidance moves for each control that the vehicle has.
 
     `<text name="steer.pitch" data="PART"/>` assigns a part, which then has no followers. Otherwise
-    the first capable part without another control is taken, and others of its kind follow it (see
+    the first capable part without another control is taken, and others of its type follow it (see
     `followers`).
 
     Raises:

@@ -5,7 +5,7 @@ letting it in costs the energy of a valve. A battery's screw works against frict
 battery's weight. No energy is recovered. The pressure is that of water at the vehicle's reference
 density and gravity.
 
-Vehicle files may give their own figures and sources. The default hotel load and pump efficiency are
+Vehicle files may give their own numbers and sources. The default hotel load and pump efficiency are
 from a Seaglider's account of a dive to 704 m (SG249, dive 10, 12 April 2024, NANOOS, basestation3
 file p2490010.nc). `DEVICE_SECS` times `DEVICE_MAMPS` of Core, LPSleep, Compass, GPS and the sensor
 controller with its CTD at 14.8 V is 3.96 kJ in 13 560 s. The pump used 4.69 kJ at 12.6 V for 236

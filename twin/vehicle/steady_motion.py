@@ -1,4 +1,4 @@
-"""Steady motion of a glider at fixed actuator positions: its figures and a root finder.
+"""Steady motion of a glider at fixed actuator positions: its numbers and a root finder.
 
 The MuJoCo twin and the Fossen equations both return the same `Trim`, so that their steady states
 can be compared field by field.
@@ -66,7 +66,7 @@ class Trim:
         turn_rate: float,
         linear_angle: float,
     ) -> Trim:
-        """Compute the figures of a steady motion.
+        """Compute the numbers of a steady motion.
 
         `v_rel` [m/s], shape (3,), body FRD, through the water; `roll`, `pitch` [rad];
         `turn_rate` [rad/s] about the vertical; `linear_angle` [rad] bounds the identified

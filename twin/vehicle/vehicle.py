@@ -110,12 +110,12 @@ class Vehicle:
     heading_pid: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Gains P, I [1/s], D [s]: heading error [rad] to position of the turning part."""
     trim_pid: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Gains P, I [1/s], D [s]: pitch error in a hover [rad] to battery beside an elevator."""
+    """Gains P, I [1/s], D [s]: pitch error in a hover [rad] to battery slide, next to an elevator
+    that pitches the vehicle under way."""
     depth_pid: tuple[float, float, float] | None = None
-    """Gains P, I [1/s], D [s]: depth error on level legs [m] to nose-down pitch [rad]; None: the
-    file has none."""
+    """Gains P, I [1/s], D [s]: depth error on level legs [m] to nose-down pitch [rad], or None."""
     buoyancy_pid: tuple[float, float, float] | None = None
-    """Gains P, I [1/s], D [s]: depth error in a hover [m] to pump volume less [cm3], or None."""
+    """Gains P, I [1/s], D [s]: depth error in a hover [m] to decrease of pump volume [cm3]."""
     control_period: float
     """[s] Time between two control ticks of guidance."""
     cruise_speed: float = 0.0
@@ -139,7 +139,7 @@ class Vehicle:
     source: str = ""
     """Source of the numbers, in one line."""
     spreads: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    """Distributions in place of those in the factory's table: "PAPER; FIELD" by parameter."""
+    """Distributions of the factory's presets paper and field, "PAPER; FIELD", by parameter."""
 
     def __post_init__(self) -> None:
         steep, net_mass = self.usual_glide
@@ -296,7 +296,7 @@ class Vehicle:
     def allocated(self, position: Array, leads: Collection[str] | None = None) -> Array:
         """Add the followers' displacements to the parts' positions `position`, shape (parts,).
 
-        A follower moves by its weight times its lead's travel from rest, at most to its own end.
+        A follower moves by the gain `weight` times its lead's displacement, within its own travel.
         `leads`: names of the parts whose followers move; None: all.
         """
         going = [f for f in self.followers if leads is None or f.lead in leads]
@@ -393,7 +393,7 @@ class Vehicle:
         return found
 
     def with_changes(self, changes: Mapping[str, Any]) -> Vehicle:
-        """Return a copy with another copy's `changes()`, in today's or version 1's form."""
+        """Return a copy with the differences that `changes()` returned, now or in version 1."""
         changes = dict(changes)
         vehicle = self
         if "hull_law" in changes:

@@ -38,15 +38,15 @@ DEFAULT_SPACING = 1.0
 """[m] Grid of a compiled profile whose own depths are not equally spaced."""
 SEA_COMPRESSIBILITY = 4.35e-10
 """[1/Pa] Compressibility of sea water, mean over the upper 1000 m at 35 g/kg and 10 degC (TEOS-10).
-A hull's is nearly equal: assumed incompressible, the water of a log makes its hull seem rigid."""
+A hull's is nearly equal. If the water of a log is taken as incompressible, its hull seems rigid."""
 STANDARD_OCEAN = (1028.106, 4.7e-3)
 """[kg/m3], [kg/m4] Density of TEOS-10's standard ocean (0 degC, 35 g/kg) at the surface and its
-growth with depth, within 0.02 kg/m3 to 1000 m. Logs make depth of pressure by this water."""
+growth with depth, within 0.02 kg/m3 to 1000 m. Vehicles compute depth from pressure with it."""
 COLUMN_DEPTH = 6000.0
 """[m] Depth of a column that is given by its surface density alone."""
 PROGRAM_HEADER = 2
 MAX_PROGRAM_POINTS = 20_000
-"""Most points of a program: 12 000 m at 1 m fits; a longer program means a wrong spacing."""
+"""Most points of a compiled table: 12 000 m at 1 m fits; more points mean a wrong spacing."""
 
 
 def gravity(latitude: float, depth: ArrayLike = 0.0) -> Array:
@@ -58,7 +58,7 @@ def gravity(latitude: float, depth: ArrayLike = 0.0) -> Array:
 
 @jit
 def _decay(depth, mixed_layer_depth, decay_depth):  # type: ignore[no-untyped-def]
-    """Fraction of the surface's excess left at each depth, bit-identical on all platforms."""
+    """Surface minus deep value, as a fraction left at each depth, bit-identical everywhere."""
     left = np.empty(depth.size)
     for i in range(depth.size):
         left[i] = exp(-max(depth[i] - mixed_layer_depth, 0.0) / decay_depth)
@@ -69,7 +69,7 @@ def _decay(depth, mixed_layer_depth, decay_depth):  # type: ignore[no-untyped-de
 def density_at(program, depth):  # type: ignore[no-untyped-def]
     """Density [kg/m3] at `depth` [m] in a compiled profile, clamped at both ends; NaN stays NaN.
 
-    Allocation-free, for other compiled code. `program`: float64 vector (n, dz, n values).
+    Allocation-free, for other compiled code. `program`: compiled table, (n, dz, n values).
     """
     if depth != depth:
         return depth

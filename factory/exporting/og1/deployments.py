@@ -45,7 +45,7 @@ from factory.exporting.og1.variables import (
     variable,
     write_og1,
 )
-from factory.exporting.og1.variables import deployment as began
+from factory.exporting.og1.variables import deployment as deployment_variables
 from twin.records.logged import LogStore
 from twin.records.schema import VARIABLES
 
@@ -61,14 +61,14 @@ PROFILER = (
 SENSOR_NAMES = {"SENSOR_AHRS": "attitude and heading sensor"}
 """Names of sensors of logs, if they differ from those of simulated missions."""
 DVL_MODE = "measured_dvl_mode"
-ELSEWHERE = frozenset(
+NOT_COPIED = frozenset(
     {
         *("measured_depth", "measured_phase", "measured_gap", DVL_MODE),
         *("measured_gps_north", "measured_gps_east", *TERMS["payload"]),
         *(f"{stored}_{axis}" for stored, _, _ in TRACKS for axis in ("north", "east")),
     }
 )
-"""Signals that have variables of their own."""
+"""Signals that `_series` does not copy: their variables are made from them elsewhere."""
 PHASE_CODES = np.array([SURFACING, DESCENT, ASCENT, INFLECTION])
 """Codes of the format by the flag of `measured_phase`."""
 
@@ -90,7 +90,7 @@ def export_og1_logs(
       folder: for the files.
       advance: called for each dive that is written.
       vehicle: file or name of the vehicle whose flight model makes track and velocities; default
-        the shipped one of the log's kind.
+        the shipped one of the log's type.
       metadata: facts on the deployment that the logs lack.
 
     Raises:
@@ -115,7 +115,7 @@ def export_og1_logs(
 
 def _track(logs: LogStore, missions: Sequence[int]) -> JoinedDives:
     time = np.concatenate([logs.time(mission) for mission in missions])
-    # without a surface interval, one fix ends a dive and begins the next
+    # a dive begins with the last sample of the dive before, if no surface interval is between them
     reversed_unique = np.unique(time[::-1], return_index=True)[1]
     return JoinedDives(logs, tuple(missions), len(time) - 1 - reversed_unique)
 
@@ -143,7 +143,7 @@ def _series(
     )
     yield quality("DEPTH", depth, estimated=gap)
     yield from gps_fixes(track, time)
-    yield from began(time[0], *logs.fixes(track.missions[0])[0])
+    yield from deployment_variables(time[0], *logs.fixes(track.missions[0])[0])
     codes, how = _phase(track.signal("measured_phase")), "depth and its rate over 20 s"
     yield variable("PHASE", codes, phase_calculation_method=how)
     yield variable("DIVE_NUMBER", track.repeated("dive"))
@@ -165,7 +165,7 @@ def _series(
             yield _signal(name, values, stored, **own)
     yield from conductivity(track)
     yield from payload(track)
-    written = {stored for _, stored, _ in MEASURED} | {*PROFILER, *ELSEWHERE, *RAW_TIMES}
+    written = {stored for _, stored, _ in MEASURED} | {*PROFILER, *NOT_COPIED, *RAW_TIMES}
     # then parts of other vehicles, commands, any payload
     others = [stored for stored in logs.signals() if stored not in written]
     for stored in (*(stored for stored in PROFILER if stored in seen), *others):

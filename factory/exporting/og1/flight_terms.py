@@ -4,10 +4,10 @@ The names of the vertical and horizontal speeds and of the vertical current are 
 converters of Seaglider files use (OG1.0 leaves them free).
 
 Corrected tracks, velocities and currents are those of `twin.logs` if the vehicle's flight can be
-modelled. Otherwise the vehicle's own dead-reckoned track is corrected at the fixes in the same way.
-Without such a track, it is the straight line between fixes; the file names method and reason.
+modelled. Otherwise the vehicle's own dead-reckoned track is corrected at the fixes by the same
+method. Without an own track, straight lines join the fixes; the file names method and reason.
 
-Here are also conductivity and oxygen per mass, which an OG1.0 file holds and a store does not.
+Here are also conductivity and oxygen per mass: OG1.0 files hold them, and stores do not.
 """
 
 from __future__ import annotations
@@ -155,7 +155,7 @@ class JoinedDives:
     logs: LogStore
     missions: tuple[int, ...]
     order: NDArray[np.intp]
-    """Indices of the samples that are kept, of all dives joined in order."""
+    """Indices of the kept samples among those of all dives joined in order."""
 
     def gather(self, of: Callable[[int], Array]) -> Array:
         """Join the values of `of` for each dive into one array, (samples,)."""
@@ -211,7 +211,7 @@ def flight_terms(track: JoinedDives, found: FlownTracks) -> Variables:
 
 
 LEAST_SPEED = 0.05
-"""[m/s] Speed below which an angle of attack means nothing."""
+"""[m/s] Speed below which the angle of attack is noise and left out."""
 
 
 def _currents(track: JoinedDives, found: FlownTracks) -> Variables:
@@ -249,7 +249,7 @@ def conductivity(track: JoinedDives) -> Variables:
 
 
 def payload(track: JoinedDives) -> Variables:
-    """Oxygen, chlorophyll ... under the names that the format has for them.
+    """Payload variables, such as oxygen and chlorophyll, under the format's names.
 
     The format has oxygen per mass, which needs the water's density. Without a CTD, oxygen keeps its
     name and unit of the store.

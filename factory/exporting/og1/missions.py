@@ -1,10 +1,10 @@
 """Missions of a simulation as OG1.0 trajectory files: one file each, marked as simulated.
 
 Format: OceanGliders OG1.0 terms of reference, version 1.0.0 (2024), on CF-1.10, with the attributes
-of ACDD-1.3. The format has one file per deployment, so each mission is one. LATITUDE and LONGITUDE
+of ACDD-1.3. The format has one file per deployment; here each mission has one. LATITUDE, LONGITUDE
 are dead-reckoned from the glider's measurements and corrected at the fixes. *_ONBOARD is the track
 that the glider logged itself. TRUE_* is the truth, which no real file has. Positions and TIME are
-at the place and date of the mission; a mission without a date counts from a nominal deployment.
+at the place and date of the mission; a mission without a date has a nominal date.
 
 Here are also the positions in an OG1.0 file of a logged deployment.
 """
@@ -165,7 +165,7 @@ def _series(
     yield variable("TRUE_LATITUDE", true_latitude, like="latitude", long_name="true latitude")
     written = {stored for _, stored, _ in terms} | {"measured_dvl_mode", "measured_depth"}
     places = {f"{one}_{axis}" for one in PLACES for axis in ("north", "east")}
-    for stored in run.signals():  # truth, commands, signals of own sensors
+    for stored in run.signals():  # truth, commands, signals of a user's sensors
         if stored not in written | places:
             yield _signal(stored.upper(), row(stored), stored)
 
@@ -196,8 +196,8 @@ def corrected_places(track: JoinedDives, found: FlownTracks) -> Variables:
 
 
 def tracks(track: JoinedDives) -> Variables:
-    """Latitudes and longitudes of tracks that the store has in metres from each row's start: a file
-    has no rows, and so no origins."""
+    """Latitudes and longitudes of tracks that the store has in metres from each row's start; a file
+    of a whole deployment has no such origin."""
     for stored, ending, word in TRACKS:
         names = [f"{stored}_{axis}" for axis in ("north", "east")]
         if not all(name in track.logs for name in names):

@@ -1,6 +1,6 @@
 """OG1.0 terms: vocabularies, names and global attributes of the format.
 
-`SimulatedMission` holds the identity, place and date of a mission, from either kind of store.
+`SimulatedMission` holds the identity, place and date of a mission of a simulated store.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ EARLIEST = datetime.datetime(2001, 9, 9, 1, 46, 40, tzinfo=datetime.UTC)
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatedMission:
-    """Identity, place and date of one simulated mission."""
+    """Identity, place and date of a mission of `factory generate` or `twin simulate`."""
 
     name: str
     """Identifier of the mission, without spaces."""
     said: str
-    """Sentence on the mission; it names which of place and date are nominal."""
+    """Sentence on the mission. For `twin simulate`, the sentence names nominal place or date."""
     vehicle: str
     latitude: float
     """[degree] Latitude of the origin."""
@@ -90,10 +90,10 @@ def simulated_mission(run: GeneratedStore | StoredFlight, mission: int) -> Simul
 def _began(
     run: GeneratedStore | StoredFlight, mission: int
 ) -> tuple[float, float, datetime.datetime, str]:
-    """Latitude, longitude [degree], start in UTC, and which of place and date are nominal.
+    """Latitude, longitude [degree], start in UTC, and "place", "date" or both if nominal.
 
-    Stores of earlier versions may lack place and date. The factory's stores then give them by their
-    parameters; a single flight gets today's defaults.
+    Stores of earlier versions may lack place and date. Stores of the factory then have them among
+    the mission's parameters; a single flight gets the defaults of this version.
     """
     place, default = read_place(run.dataset.isel({MISSION: mission})), Origin()
     if not place and isinstance(run, GeneratedStore):

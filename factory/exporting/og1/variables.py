@@ -81,7 +81,7 @@ def _fill(
         if one.kind == "str":
             variable[...] = str(one.values)
         else:
-            # a missing value becomes the fill before the cast: no integer is NaN
+            # replace missing values before the cast: an integer cannot be NaN
             values = np.asarray(one.values)
             if one.fill is not None:
                 values = np.where(np.isnan(values), one.fill, values)
@@ -91,7 +91,7 @@ def _fill(
 
 
 def _content(name: str, kind: str) -> str:
-    """Kind of a variable in ACDD's words."""
+    """ACDD's coverage_content_type of a variable."""
     if name in COORDINATES.split():
         return "coordinate"
     return "auxiliaryInformation" if kind.startswith("i") else "physicalMeasurement"

@@ -24,7 +24,7 @@ NOWHERE = (float("nan"), float("nan"))
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LogSegment:
-    """Segment of a log, one row: a dive between two fixes, or the part of it in the log."""
+    """Segment of a log, one row: a dive from fix to fix, or as much of it as the log contains."""
 
     start: float
     """[s] Unix time of the last fix before the dive, else of the first sample."""
@@ -40,7 +40,7 @@ class LogSegment:
     surface_drift: tuple[float, float]
     """[m/s] Drift north and east in that time."""
     inside: LoggedFixes = NO_FIXES
-    """Fixes within a row that is no dive: a vehicle at the surface has them all along."""
+    """Fixes within a row that is no dive: a vehicle at the surface has fixes all the time."""
 
     @property
     def duration(self) -> float:
@@ -129,8 +129,8 @@ def _between_holes(
 def longest_stretch(depth: Channel, deeper: float) -> float:
     """[s] Longest time at a stretch during which the samples are below `deeper`.
 
-    Each sample stands for the time around it, at most `_STANDS_FOR` usual spacings. Fewer than
-    `_SEVERAL` samples are noise where a dive would have more: a restarted sensor shows two.
+    Each sample stands for the time around it, at most `_STANDS_FOR` usual spacings. In a log with
+    samples more often than every `_OFTEN` s, stretches of fewer than `_SEVERAL` samples are noise.
     """
     if not len(depth) or not (depth.values > deeper).any():
         return 0.0
@@ -147,7 +147,7 @@ def longest_stretch(depth: Channel, deeper: float) -> float:
 _STANDS_FOR = 3.0
 """Most usual spacings that one sample stands for."""
 _SEVERAL, _OFTEN = 3, 20.0
-"""Fewest samples of a dive, if the usual spacing is below the second number [s]."""
+"""Fewest samples of a dive (a restarted sensor shows two), if spaced by less than _OFTEN [s]."""
 _DAY = 86400.0
 """[s] One day."""
 
@@ -193,7 +193,7 @@ def _place(fixes: LoggedFixes, k: int) -> Place:
 
 
 def _make_segment(span: Place, first: Place | None, last: Place | None, **stay: Any) -> LogSegment:
-    """Make a row of a span [s] between two positions; `stay` is the surface interval before it."""
+    """Make a row of times `span` [s] between two positions; `stay`: surface interval before it."""
     moved = NOWHERE
     if first is not None and last is not None:
         north, east = offset(np.float64(last[0]), np.float64(last[1]), *first)
@@ -204,7 +204,7 @@ def _make_segment(span: Place, first: Place | None, last: Place | None, **stay: 
 
 
 _DRIFT_TIME = 60.0
-"""[s] Least time that gives a drift: over less, the noise of two fixes exceeds it."""
+"""[s] Least time that gives a drift: over less time, the noise of two fixes exceeds the drift."""
 
 
 def surface_drift(fixes: LoggedFixes) -> tuple[float, float]:
@@ -255,15 +255,15 @@ def phases(time: Array, depth: Array, surface_depth: float) -> Array:
 _AFLOAT = 3.0
 """[m] Greatest depth of the pressure sensor of a glider that is upright at the surface."""
 _DIVING = 0.5
-"""[m] Change of the depth at the fix that shows a dive: waves are smaller."""
+"""[m] Change of depth since the fix beyond which a vehicle dives: waves change depth by less."""
 _AT_REST = 10.0
 """[s] Time over which the change of depth distinguishes floating from diving."""
 
 
 def float_at_fixes(phase: Array, depth: Array, segment: LogSegment, period: float) -> Array:
-    """Set the phase to 0 from the fix at either end until the depth leaves its value there.
+    """Set the phase to 0 (surface) next to the fixes, while the depth stays as at the fix.
 
-    A Seaglider hangs with its nose down while it has its fixes, its sensor 1 to 3 m under water.
+    A Seaglider hangs nose down during its fixes, with its pressure sensor 1 to 3 m under water.
     """
     phase = phase.copy()
     for fix, order in ((segment.start_fix, slice(None)), (segment.end_fix, slice(None, None, -1))):
@@ -271,7 +271,7 @@ def float_at_fixes(phase: Array, depth: Array, segment: LogSegment, period: floa
         if fix is None or not seen[0] <= _AFLOAT:
             continue
         if np.ptp(seen[: max(2, round(_AT_REST / period) + 1)]) > _STILL * _AT_REST:
-            continue  # the fix is logged while the vehicle dives already
+            continue  # the vehicle was diving when it logged the fix
         left = np.abs(seen - seen[0]) > _DIVING
         count = int(np.argmax(left)) if left.any() else len(left)
         phase[order][:count] = SURFACE
@@ -279,13 +279,13 @@ def float_at_fixes(phase: Array, depth: Array, segment: LogSegment, period: floa
 
 
 NEAR_END = 5.0
-"""[s] Longest time between a row's end and the fix that stands for it."""
+"""[s] Longest time between an end of a row and the fix that gives its position."""
 
 
 def pieces(log: DeploymentLog, rules: DiveRules, tally: Tally) -> list[LogSegment]:
-    """Rows that the reader of a log has found, in time order, with their fixes.
+    """Rows from the times `log.pieces` that a reader gave, in time order, with their fixes.
 
-    Rows shorter than `rules.min_duration` are left out, counted.
+    Rows shorter than `rules.min_duration` are left out and counted in `tally`.
     """
     assert log.pieces is not None
     fixes = good_fixes(log.fixes, log.channel("measured_depth"), rules, tally)

@@ -1,1 +1,1 @@
-"""Formats: a reader for each kind of log, the class `Importer`, and the registry of all kinds."""
+"""Formats: a reader for each type of log, the class `Importer`, and the table of all types."""

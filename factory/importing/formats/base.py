@@ -1,6 +1,6 @@
-"""Base of the formats: the class `Importer`, which describes one kind of log and names its reader.
+"""Base of the formats: the class `Importer`, which describes one type of log and names its reader.
 
-Here are also the registry of importers, and functions that recognise a file's kind.
+Here are also the table of importers, and functions that recognise a file's type.
 """
 
 from __future__ import annotations
@@ -53,13 +53,13 @@ class ReadOptions:
 Reader = Callable[[Sequence[Path], ReadOptions, Tally], "list[DeploymentLog]"]
 """Function that reads files into one log for each deployment and counts its actions in the tally.
 
-It raises `WrongFormat` for a file of another kind, and `InputError` for a file that it cannot use.
+It raises `WrongFormat` for a file of another type, and `InputError` for a file that it cannot use.
 """
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Importer:
-    """One kind of log; help texts show all fields but `read`."""
+    """One type of log; help texts show all fields but `read`."""
 
     name: str
     """Name that the user types: `factory import NAME FILES`."""
@@ -126,16 +126,16 @@ class Importer:
 
 
 class WrongFormat(OtherKind):
-    """Error for a file of another kind of log; `names` are the columns or variables in it."""
+    """Error for a file of another type of log; `names` are the columns or variables in it."""
 
     def __init__(
         self, path: Path, names: Iterable[str], kind: str | None = None, *, why: str = ""
     ) -> None:
         self.path, self.names = path, tuple(names)
         self.kind = kind
-        """Kind of log that the file is, if known."""
+        """Type of log that the file is, if known."""
         self.why = why
-        """Reason why it is of another kind, in words."""
+        """Reason why it is of another type, in words."""
         self.some = ", ".join(self.names[:5]) or "nothing"
         """First names, for the message."""
         super().__init__(f"{path.name} is of another format; it holds {self.some}")
@@ -158,7 +158,7 @@ def other_format(path: Path, names: Sequence[str]) -> Iterator[None]:
 
 
 IMPORTERS: Registry[Importer] = seams.IMPORTERS
-"""Every kind of log that can be imported, by name."""
+"""Every type of log that can be imported, by name."""
 
 register = IMPORTERS.add
 """Function that adds an importer to `IMPORTERS`."""
@@ -174,15 +174,15 @@ def likely_kinds(names: Iterable[str]) -> list[str]:
 def kind_that_takes(
     path: Path, names: Iterable[str], *, arrays: bool, others: Sequence[str] = ()
 ) -> str | None:
-    """Kind of log that a table or netCDF file looks like, if its reader accepts the file; else
+    """Type of log that a table or netCDF file looks like, if its reader accepts the file; else
     None.
 
-    If a reader fails for another reason, its kind is still chosen where the file has a mark of it.
+    If a reader fails for another reason, its type is still chosen where the file has a mark of it.
 
     Args:
       names: columns or variables of the file.
       arrays: True if the file is netCDF or HDF5.
-      others: kinds that are skipped.
+      others: types that are skipped.
     """
     likely = likely_kinds(names)
     endings = ARRAYS if arrays else TABLES
@@ -198,9 +198,9 @@ def kind_that_takes(
 
 
 def takes(importer: Importer, path: Path) -> bool | None:
-    """Tell whether a kind's reader accepts a file; None if it fails for another reason.
+    """Tell whether a type's reader accepts a file; None if it fails for another reason.
 
-    False means that the reader finds the file to be of another kind.
+    False means that the reader finds the file to be of another type.
     """
     try:
         read = imported(importer.read) if isinstance(importer.read, str) else importer.read
@@ -222,7 +222,7 @@ def _start(path: Path) -> bytes:
 
 
 def kinds_by_bytes(path: Path) -> list[str]:
-    """Kinds whose own binary files begin with the same bytes as this file, gzip or not."""
+    """Types whose own binary files begin with the same bytes as this file, gzip or not."""
     start = _start(path)
     return [one.name for one in IMPORTERS.values() if start.startswith(one.first_bytes)]
 
@@ -241,17 +241,17 @@ LOOKS: dict[str, tuple[bytes | str, ...]] = {
 
 
 class NeedsPlugin(OtherKind):
-    """Error for a file whose kind of log needs a missing plugin; the message names the plugin."""
+    """Error for a file whose type of log needs a missing plugin; the message names the plugin."""
 
 
 def check_plugin(path: Path, names: Iterable[str] = ()) -> None:
-    """Refuse a file that looks like a kind of log whose plugin is not installed.
+    """Refuse a file that looks like a type of log whose plugin is not installed.
 
     Args:
       names: columns or variables of the file.
 
     Raises:
-      NeedsPlugin: the file looks like such a kind.
+      NeedsPlugin: the file looks like such a type.
     """
     start, found = _start(path), set(names)
     own = max(len(importer.marks & found) for importer in IMPORTERS.values())
@@ -262,7 +262,7 @@ def check_plugin(path: Path, names: Iterable[str] = ()) -> None:
 
 
 def sniff(path: str | Path) -> str | None:
-    """Kind of log that a file looks like, if its reader accepts the file; else None.
+    """Type of log that a file looks like, if its reader accepts the file; else None.
 
     Raises:
       InputError: the file cannot be read, or its plugin is not installed.

@@ -1,4 +1,4 @@
-"""Hubs: registry entries of the export formats `huggingface` and `lerobot`, for data hubs."""
+"""Hubs: the export formats `huggingface` and `lerobot`, for data hubs."""
 
 from factory.exporting import Exporter
 

@@ -2,7 +2,7 @@
 
 Lines that begin with a slash are comments. Commands, in `cmdfile`: a line for each parameter,
 `$NAME,VALUE`, and at the end a directive: `$GO` goes on, `$RESUME` dives, `$QUIT` stays at the
-surface. Names, kinds and limits of the parameters are those of the public package basestation3;
+surface. Names, types and limits of the parameters are those of the public package basestation3;
 their meaning is in the Parameter Reference Manual, Applied Physics Laboratory, University of
 Washington, v66.12:
 
@@ -60,7 +60,7 @@ def targets_of(mission: Mission) -> tuple[SeagliderTarget, ...]:
     """Targets T1, T2, ... of a mission to waypoints; the vehicle stays at the last.
 
     Raises:
-      MissionError: another kind of mission, or places that are relative to the start.
+      MissionError: another type of mission, or places that are relative to the start.
     """
     segment = waypoints_of(mission, "targets of a Seaglider")
     count = len(segment.targets)
@@ -157,7 +157,7 @@ def commands_of(mission: Mission, vehicle: Vehicle) -> dict[str, float]:
     """Parameters of the dives of a mission to waypoints.
 
     Raises:
-      MissionError: another kind of mission, a climb that differs from the dive, a glide that the
+      MissionError: another type of mission, a climb that differs from the dive, a glide that the
         vehicle cannot hold, or a value beyond a Seaglider's limits.
     """
     segment = waypoints_of(mission, "commands of a Seaglider")

@@ -21,7 +21,7 @@ def main(words: Sequence[str] | None = None) -> int:
     add("files", nargs="+", type=Path, help="dives of basestation3 together, or one time series of "
         "pyglider")  # fmt: skip
     add("--vehicle", help="what `twin identify` wrote, or a shipped vehicle's name [default: the "
-        "shipped one of the log's kind]")  # fmt: skip
+        "shipped one of the log's type]")  # fmt: skip
     add("--write", nargs="+", type=Path, help="only these are added to; the others are read for "
         "their fixes [default: all]")  # fmt: skip
     given = parser.parse_args(words)

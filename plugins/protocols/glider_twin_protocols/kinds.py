@@ -1,4 +1,4 @@
-"""Kinds: registry entries of this plugin's import and export formats.
+"""Kinds: descriptions of this plugin's import and export formats.
 
 Readers and writers are imported on first use, so help texts and documents load only this module.
 """

@@ -225,7 +225,7 @@ def test_the_help_of_fit_names_the_defaults_that_apply(here, capsys):
     assert "--inputs {full,glider}" in words
     network, training = NetworkConfig(), TrainingConfig()
     for value, label in (
-        (network.kind, "kind of network"),
+        (network.kind, "type of network"),
         (network.hidden, "units per hidden layer"),
         (network.layers, "hidden layers"),
         (f"{training.seconds:g}", "two are trained side by side"),

@@ -1,4 +1,4 @@
-"""Base of segments: their class, their registry, and helpers that make a row of the table.
+"""Base of segments: their class, the table of types, and helpers that make a mission's rows.
 
 Depths are m, positive down; pitch is a magnitude in deg (nose down in a dive, nose up in a
 climb); headings are deg true; net mass is a magnitude in kg (heavy in a dive, light in a climb). A
@@ -31,10 +31,10 @@ as surfaced at any pitch, in spite of waves or a pressure offset of this size.""
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """Base of all segments. A new kind defines `kind`, `row` and `expected`."""
+    """Base of all segments. A new type defines `kind`, `row` and `expected`."""
 
     kind: ClassVar[str] = ""
-    """Name of the kind in mission files."""
+    """Name of the type in mission files."""
     limits: ClassVar[tuple[str, ...]] = ()
     """Fields that can end the segment, at least one of which it needs; none: it ends by itself."""
 
@@ -77,7 +77,7 @@ class Segment:
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """Name what is missing in a kind; empty if it is complete."""
+        """Name what is missing in a type; empty if it is complete."""
         if not dataclasses.is_dataclass(cls):
             return "it lacks `@dataclass(frozen=True, kw_only=True)`: fields are keys of files"
         if cls.row is Segment.row and cls.flown_as is Segment.flown_as:
@@ -128,7 +128,7 @@ def limit(value: float | None) -> float:
 
 
 SEGMENTS: Registry[type[Segment]] = seams.SEGMENTS
-"""Registry of all kinds of segments, by name."""
+"""All types of segment, by name."""
 
 register = SEGMENTS.add
-"""Register a kind of your own; usable as a decorator."""
+"""Register a type of your own; usable as a decorator."""

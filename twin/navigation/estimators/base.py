@@ -1,4 +1,4 @@
-"""Velocity estimators: base class, registry, and estimators that use the last minutes.
+"""Velocity estimators: base class, table of types, and estimators that use the last minutes.
 
 An estimator gives the vehicle's velocity through the water. One class is one method, both sample by
 sample on board (`step`) and over a whole mission (`batch`). Estimators that need only the vehicle

@@ -115,7 +115,7 @@ class EkfModel(NamedTuple):
 
 
 class Ekf(GlideModel):
-    """Kalman filter with the nominal parameters; `step` uses the depths of the last seconds."""
+    """Kalman filter with the nominal parameters; `step` detects floating by the last depths."""
 
     kind = "ekf"
     title = "EKF, dynamic model"
@@ -200,8 +200,8 @@ class Ekf(GlideModel):
         """Filter rows of `INPUTS` (7, time); `carried` is updated in place."""
         depth, roll, pitch, *rates, pump = rows
         roll, pitch = np.deg2rad(roll), np.deg2rad(pitch)
-        # Afloat, the surface supports the hull as far as it emerges: the net mass is 0. A pressure
-        # gauge with an error of a metre cannot measure how far it emerges.
+        # Afloat, the hull emerges until buoyancy and weight balance: the net mass is 0. A pressure
+        # gauge with an error of a metre cannot measure how far the hull emerges.
         net = np.where(still, 0.0, net_mass(self.vehicle, pump, np.maximum(depth, 0.0)))
         down = (-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll))
         inputs = np.stack([*down, *rates, net], axis=1)

@@ -148,17 +148,17 @@ FEATURES: Registry[Feature] = seams.FEATURES
 """All features by name."""
 
 register = FEATURES.add
-"""Add a feature to the registry."""
+"""Add a feature to `FEATURES`."""
 
 GLIDER_PARTS = ("shift", "rotation", "pump")
-"""Parts whose features are in the registry. Features of other parts have the channels' names:
+"""Parts whose features are in `FEATURES`. Features of other parts have the channels' names:
 `measured_rudder` in the group `controls`, `commanded_rudder` in `commands`."""
 PART_GROUPS = {"measured": "controls", "commanded": "commands"}
 """Group of a part's channel, by the channel's prefix."""
 
 
 def feature(name: str) -> Feature:
-    """Return the feature of that name, from the registry or of a vehicle's part.
+    """Return the feature of that name, from `FEATURES` or of a vehicle's part.
 
     Raises:
       InputError: no feature has that name; the message has the nearest.
@@ -182,7 +182,7 @@ def is_known(name: str) -> bool:
 
 
 def is_part_channel(name: str) -> bool:
-    """True if the name is the reading or command of a part outside the registry."""
+    """True if the name is the measured or commanded channel of a part without shipped features."""
     kind, _, part = name.partition("_")
     return kind in PART_GROUPS and bool(part) and name not in (*SIMULATED, *WITH_FLOOR)
 

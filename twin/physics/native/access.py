@@ -1,9 +1,9 @@
 """Access: native reads and writes of MuJoCo's structs and of our parameter block.
 
 A model is ours when its numeric data end in our header. All sizes are checked before native code
-reads or writes through the header: they must be those of the model, and every table must lie inside
-the block. A mismatch is an error of MuJoCo's (`FatalError`, in a batch `SimulationError`), never a
-wild read or write.
+reads or writes through the header: they must equal the model's sizes, and every table must lie
+inside the block. A mismatch raises MuJoCo's error (`FatalError`, in a batch `SimulationError`);
+native code never reads or writes outside the block.
 
 Addresses in native code are plain 64-bit integers.
 """
@@ -176,8 +176,8 @@ def block_start(address, head):
 
 @inline
 def table_of(start, head, part):
-    """Array of a table of the block; it never exceeds the block, even while another thread moves
-    the table."""
+    """Array of a table of the block; the array stays inside the block even while another thread
+    moves the table."""
     body = int(head.words) - HEADER_WORDS
     first = min(max(int(part["start"]), 0), body)
     return array(start + 8 * first, min(max(int(part["size"]), 0), body - first))

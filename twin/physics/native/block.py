@@ -24,7 +24,7 @@ TABLE = np.dtype([("start", "f8"), ("size", "f8")])
 """Place of a table: index of its first number in the block, and count of its numbers."""
 PART = np.dtype(
     [
-        ("kind", "f8"),  # code in the registry of parts
+        ("kind", "f8"),  # code of the type of part
         ("low", "f8"),
         ("high", "f8"),  # travel
         ("lag", "f8"),  # [s]
@@ -34,7 +34,7 @@ PART = np.dtype(
         ("zero", "f8"),  # position when its encoder reads 0, for a part without joint
         ("gives_volume", "f8"),
         ("gives_mass", "f8"),
-        ("gives_wrench", "f8"),  # 1: its kind has a kernel of that name
+        ("gives_wrench", "f8"),  # 1: its type has a kernel of that name
         ("place", "f8", (3,)),  # [m] FRD about the CB
         ("dof", "f8"),  # index of the joint that it drives, -1: none
         ("servo_damping", "f8"),  # [N s/m or N m s/rad] of its servo
@@ -66,7 +66,7 @@ HEADER = np.dtype(
         ("added_mass", "f8", (6, 6)),  # FRD about the CB
         ("coupling", "f8"),  # 1: Coriolis terms of M_A act, 0: the law has them
         ("rotary_inertia", "f8", (3,)),  # roll, pitch, yaw with added mass [kg m2]
-        ("law", "f8"),  # code in the registry of hull laws
+        ("law", "f8"),  # code of the type of hull law
         ("law_scaled", "f8"),  # 1: its coefficients contain the reference density
         ("law_values", TABLE),
         ("parts", TABLE),

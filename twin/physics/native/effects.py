@@ -1,6 +1,6 @@
-"""Effects: kernels of hull laws and parts by kind, and the control and log of each step.
+"""Effects: kernels of hull laws and parts by type, and the control and log of each step.
 
-The registries of laws and parts name the kernels. A kind that is registered later is compiled in
+`LAWS` and `PARTS` name the kernels of their types. A type that is registered later is compiled in
 when the callbacks are next installed.
 
 `run_control` runs guidance or a schedule once per control period, inside MuJoCo's step.
@@ -27,7 +27,7 @@ from twin.vehicle.laws import LAWS
 from twin.vehicle.parts import PARTS
 
 _UNKNOWN = (math.nan,) * 6
-"""Result for a kind unknown to this process: NaN makes the run fail, and zero would not."""
+"""Result for a type unknown to this process: NaN makes the run fail, and zero would not."""
 _MOTION = ("u", "v", "w", "p", "q", "r")
 
 

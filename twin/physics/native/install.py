@@ -55,7 +55,7 @@ def install(*, current: bool = False, floor: bool = False) -> None:
     Code for a `current` or a `floor` is compiled now if requested, otherwise in the first step that
     needs it (see `twin.physics.native.late`).
 
-    After a new kind of current, part or hull law is registered, the callbacks are compiled again.
+    After a new type of current, part or hull law is registered, the callbacks are compiled again.
 
     MuJoCo's timers (`data.timer`) read the clock of Python's bindings some twenty times a step,
     which takes a quarter of a glider's bare step. That clock is removed. A clock given with

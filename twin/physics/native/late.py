@@ -1,6 +1,6 @@
 """Late compilation: C functions that callbacks call by address, compiled at their first use.
 
-The address is 0 until then, and again after a kind is registered that the function may call.
+The address is 0 until then, and again after a type is registered that the function may call.
 
 The code that needs such a function may run inside MuJoCo's step, where a Python exception cannot
 pass. If compiling fails there, no address is set and the caller gets not-a-number:
@@ -11,7 +11,7 @@ pass. If compiling fails there, no address is set and the caller gets not-a-numb
 - Ctrl-C waits until the function is compiled, and acts when the step returns.
 
 Two functions that most flights do not need are late. The sampler of currents holds the kernels of
-all kinds of current, an eighth of the code of a first flight. The other lays the sea floor's plane
+all types of current, an eighth of the code of a first flight. The other lays the sea floor's plane
 under the hull, for MuJoCo's contacts and the altitude.
 """
 
@@ -89,7 +89,7 @@ class Late:
         TABLE[WORDS * self.slot] = value
 
     def prepare(self) -> None:
-        """Compile the function unless it is up to date with the registered kinds."""
+        """Compile the function unless it is up to date with the registered types."""
         # numba's own lock: with a second lock, two threads that compile could deadlock
         with global_compiler_lock:
             while self.address in (0, REFUSED) or self._made != generation():

@@ -147,7 +147,7 @@ def declare(entry: Variable) -> None:
 
 
 def declare_stored(name: str, attributes: Mapping[str, Any]) -> None:
-    """Declare a signal that this process does not know, with the attributes that its store has."""
+    """Declare a signal that the schema lacks, with the attributes in its store."""
     if name in VARIABLES or "units" not in attributes or name.split("_", 1)[0] not in GROUPS:
         return
     known = "valid_min" in attributes and "valid_max" in attributes

@@ -1,4 +1,4 @@
-"""Base of the figures: type and registry; `register` adds a figure of your own.
+"""Base of the figures: base class and table of types; `register` adds a figure of your own.
 
 The file of a figure has a function that takes a trajectory and returns a matplotlib Figure, and a
 `FigureKind` with the figure's name and summary.

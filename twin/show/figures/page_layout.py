@@ -87,7 +87,7 @@ class Page:
         self._add('<dl class="facts">{}</dl>', _each("<dt>{}</dt><dd>{}</dd>", facts.items()))
 
     def details(self, summary: str, facts: Mapping[str, object], *, shown: bool = False) -> None:
-        """Add a line that opens to show facts; with `shown` it is open at first."""
+        """Add a line that opens to show facts; with `shown` the line is open at first."""
         self._add(f"<details{' open' if shown else ''}><summary>{{}}</summary>", summary)
         self.facts(facts)
         self._add("</details>")

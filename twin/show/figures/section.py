@@ -26,7 +26,7 @@ from twin.show.figures.water import draw_met_current, draw_sections, ocean_map, 
 
 Array = NDArray[np.float64]
 FLOOR_IN_SIGHT = 1.5
-"""Largest depth axis that shows the sea floor, as a multiple of the deepest point"""
+"""Limit of the depth axis, as a multiple of the deepest point; a deeper sea floor is not shown"""
 HEIGHTS, PANEL_HEIGHT = (1.9, 2.75), 0.87
 """[in] Heights of section and track in an overview, and of each signal below them"""
 LEGEND_COLUMNS = 4  # columns of the names of dead-reckoned tracks

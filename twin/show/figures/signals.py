@@ -126,7 +126,7 @@ def _sensor_of(name: str) -> type[Sensor]:
 
 
 def _of_ones_own(name: str, trajectory: Trajectory) -> bool:
-    """Return True if a signal is measured by a user's own sensor, so that it is always shown.
+    """Return True if a user's own sensor measures a signal, which is then always shown.
 
     A store keeps such signals; the sensor itself need not be registered in this process.
     """

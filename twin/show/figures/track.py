@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 MARKS = {"start": (0, "o"), "end": (-1, "s")}  # sample and marker of a track's ends
 MOST_COLUMNS, LONG_NAME = 3, 14
-"""Columns of a legend at column width, and the name's length from which it has a column less"""
+"""Columns of a legend at column width; a track's name of this length takes a column away"""
 ABOVE_LEGEND = 18.0  # [point] gap between title and axes, for the legend of start and end
 LEGEND_ROW = 0.16  # [in] height of a legend's row
 VIEW_ELEVATION, VIEW_AZIMUTH = 24, -58  # [degree] direction from which the box is seen

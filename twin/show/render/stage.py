@@ -31,7 +31,7 @@ SNOW_FASTEST = 12.0  # largest speed-up with particles, which would only flicker
 
 
 class Path(NamedTuple):
-    """A track within the shown part."""
+    """A track within the shown interval."""
 
     name: str
     time: Array  # [s], shape (n,)
@@ -91,7 +91,7 @@ def build(subject: Subject, shot: Shot) -> Stage:
     """Build and compile the scene of a shot.
 
     Raises:
-      InputError: the shot's part or colour does not fit the trajectory.
+      InputError: the shot's interval or colour does not fit the trajectory.
     """
     trajectory, vehicle, floor = subject.trajectory, subject.vehicle, subject.floor
     first, last = shot.part(trajectory.time)
@@ -161,10 +161,10 @@ def named_geoms(model: mujoco.MjModel, beginnings: Sequence[str], prefix: str = 
 
 
 def shown_paths(subject: Subject, shot: Shot) -> tuple[NDArray[np.bool_], list[Path]]:
-    """Mask of the samples that a shot shows, and the tracks in its part, the true track first.
+    """Mask of the samples that a shot shows, and the tracks in its interval, the true track first.
 
     Raises:
-      InputError: the part does not fit the trajectory or a track.
+      InputError: the interval does not fit the trajectory or a track.
     """
     trajectory = subject.trajectory
     first, last = shot.part(trajectory.time)
@@ -212,7 +212,7 @@ def turned_bodies(
 
 
 def _beside(track: NamedTrack, index: int, true: Path) -> Path:
-    """Path of a dead-reckoned track within the part, at the true depth, coloured by its `index`.
+    """Path of a dead-reckoned track in the interval, at the true depth, coloured by its `index`.
 
     Raises:
       InputError: the track has fewer than 2 samples there.

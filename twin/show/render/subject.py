@@ -57,7 +57,7 @@ class Subject:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Shot:
-    """Camera, size, speed and part of the mission of a film or picture."""
+    """Camera, size, speed and shown interval of the mission, for a film or picture."""
 
     camera: str = "orbit"
     """orbit (circles the track), side, map (from above) or chase (behind the glider)."""
@@ -114,7 +114,7 @@ class Shot:
         """First and last mission time [s] shown, of a mission sampled at `time` [s].
 
         Raises:
-          InputError: the part lies outside the mission or is empty.
+          InputError: the interval lies outside the mission or is empty.
         """
         first, last = float(time[0]), float(time[-1])
         start = first if self.start is None else self.start
@@ -137,11 +137,11 @@ class Shot:
     def still_time(
         self, time: Array, at: float | None, known: NDArray[np.bool_] | None = None
     ) -> Array:
-        """Mission time [s] of a still, shape (1,): `at`, or the end of the part.
+        """Mission time [s] of a still, shape (1,): `at`, or the end of the shown interval.
 
         Args:
           time: [s] times of the samples, (time,).
-          at: [s] wanted time; None is the end of the part.
+          at: [s] wanted time; None: the end of the shown interval.
           known: mask of samples with known position, (time,); the last of these replaces the end.
         """
         start, end = self.part(time)

@@ -33,7 +33,7 @@ class Channels(NamedTuple):
     `Poses`, headings in [0, 360)"""
     steps: dict[str, float]  # rounding step of each channel
     kept: Integers  # index of each row among the samples of the mission, shape (n,)
-    samples: int  # number of samples of the shown part of the mission
+    samples: int  # number of samples of the mission in the shown interval
     lost: dict[str, float]
     """[m] Largest error of linear interpolation between the kept samples, for depth and position;
     0 if all samples are kept"""
@@ -46,10 +46,10 @@ def read_channels(
     floor: Array | None,
     most: int,
 ) -> Channels:
-    """Read the channels of a part of a mission, in at most `most` rows.
+    """Read the channels of an interval of a mission, in at most `most` rows.
 
     Args:
-      shown: mask of the samples of the part, (time,).
+      shown: mask of the samples of the interval, (time,).
       colour: colours of those samples, 0 to 1, NaN unknown, (shown,).
       floor: table of the sea floor.
 
@@ -83,8 +83,8 @@ def read_channels(
 def _motion(trajectory: Trajectory, found: Poses, kept: Integers) -> dict[str, Array]:
     """Channels of attitude, velocities, buoyancy and current, without unknown channels.
 
-    An unknown attitude, which follows the track, is kept: the page's script needs an attitude, and
-    the page's `unknown` lists it.
+    The page's script needs an attitude. If the mission has none, `found` has one along the track,
+    and the page lists it as `unknown`.
     """
     ground = np.hypot(*(told(trajectory, f"velocity_{n}")[kept] for n in ("north", "east")))
     measured = {
@@ -104,8 +104,8 @@ def _motion(trajectory: Trajectory, found: Poses, kept: Integers) -> dict[str, A
 def thin(depth: Array, most: int) -> Integers:
     """Choose at most `most` samples and return their indices, (n,); all if they fit.
 
-    Otherwise the mission is cut into parts with equal numbers of samples. The shallowest and the
-    deepest of each part are kept, and the first and the last of all: turns of dives are kept.
+    Otherwise the mission is cut into intervals with equal numbers of samples. The shallowest and
+    the deepest sample of each are kept, so that turns stay, and the first and the last of all.
     """
     count = len(depth)
     if count <= most:

@@ -34,14 +34,14 @@ from twin.show.web.page import describe, pack_channels, scale_share
 HOST = "127.0.0.1"  # this machine only
 NAMES = (HOST, "localhost")
 PORT, PORTS = 8080, 100
-"""Default port, and the number of ports from there on among which a free one is taken"""
+"""First port that is tried by default, and the number of ports that are tried"""
 STRANGERS = 16
 """Most waiting connections that have not shown the key; a further one ends the oldest"""
 SILENCE = 10.0  # [s] time without a byte in either direction after which a connection ends
 FIRST = 2  # number of samples with which the page begins
 LONGEST, SLICE = 0.5, 200
-"""[s] Longest computing time of one answer, so that the page need not wait for a fast mission; most
-steps between two readings of the clock"""
+"""[s] Longest computing time of one answer, however fast the page plays the mission; and most steps
+between two readings of the clock"""
 
 
 class PageServer(ThreadingHTTPServer):
@@ -219,7 +219,7 @@ class LiveMission:
           speed_up: mission seconds per second.
 
         Raises:
-          InputError: the scenario is navigated, or the shot shows only a part.
+          InputError: the scenario is navigated, or the shot shows only an interval.
         """
         self._simulation = live_simulation(scenario)
         if shot.start is not None or shot.end is not None:
@@ -237,7 +237,7 @@ class LiveMission:
         self.mission["live"] = {"end": float(time[-1]), "depth": deepest}
         self.mission["opening"] |= {"time": float(time[0]), "speed": speed_up}
         self.mission["notes"] = ["The mission is flown while this page shows it."]
-        # end with the earlier flight, which may have ended early; extra steps complete its samples
+        # end with the flight of `subject`, which may have aborted; 2 steps complete its last sample
         flown = float(time[-1]) / self._simulation.model.opt.timestep
         self._steps = min(self._simulation.steps, round(flown) + 2)
         self._begun: float | None = None
@@ -248,7 +248,7 @@ class LiveMission:
         """Samples flown so far, from number `first` on, and a flag that tells if more will come."""
         with self._turn:
             running = self._fly()
-            # the last sample becomes complete one step after its time
+            # a running simulation completes its last sample one step after the sample's time
             count = len(self._simulation.rows) - running
             flown = self._simulation.trajectory() if count > max(first, 1) else None
         if self._problem:

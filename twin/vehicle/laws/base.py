@@ -1,4 +1,4 @@
-"""Hull law: the water's force and moment on the bare hull, and the registry of kinds.
+"""Hull law: the water's force and moment on the bare hull, and the table of its types.
 
 Each law is written twice, for the MuJoCo twin (`native_*`) and for the Fossen model (`fossen_*`).
 The two codes share only the coefficients. Added mass is no part of a law: its matrix stands in the
@@ -158,7 +158,7 @@ class HullLaw(abc.ABC):
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """Clause that names the kernel a kind lacks; empty when the kind is complete."""
+        """Clause that names the kernel a type lacks; empty when the type is complete."""
         needed = ("native_wrench", "native_rate_damping", "fossen_wrench")
         lacking = [kernel for kernel in needed if getattr(cls, kernel) is None]
         return f"it lacks `{lacking[0]}`" if lacking else ""
@@ -167,4 +167,4 @@ class HullLaw(abc.ABC):
 LAWS: Registry[type[HullLaw]] = seams.LAWS
 """All hull laws by name."""
 register = LAWS.add
-"""Register your own kind of hull law; usable as a decorator."""
+"""Register your own type of hull law; usable as a decorator."""

@@ -45,7 +45,7 @@ Array = NDArray[np.float64]
 AXES, VELOCITIES = "XYZKMN", "uvwpqr"
 PRODUCT, SQUARE, LINEAR, LIFT = 0.0, 1.0, 2.0, 3.0
 TERM = 5
-"""Number of values that describe a term: axis, first and second velocity, kind, coefficient."""
+"""Number of values that describe a term: axis, first and second velocity, type, coefficient."""
 
 
 @jit

@@ -1,4 +1,4 @@
-"""Vehicle part: the interface that every kind has, and the registry of kinds.
+"""Vehicle part: the interface that every type has, and the table of types.
 
 A part is an actuator of the vehicle file with one activation, its position. The position follows
 the command by d(position)/dt = clip((command - position) / lag, -rate, rate) within its travel.
@@ -97,7 +97,7 @@ class Quantity:
     long_name: str
     """Description without the part's name."""
     limits: tuple[float, float] | None = None
-    """Lowest and highest stored value for all parts of the kind, not only this vehicle's; None:
+    """Lowest and highest stored value for all parts of the type, not only this vehicle's; None:
     the limits of the unit."""
 
 
@@ -106,7 +106,7 @@ class Part:
     """One actuated part of a vehicle; `name` is the name of its actuator in the file."""
 
     kind: ClassVar[str] = ""
-    """Name of the kind in vehicle files."""
+    """Name of the type in vehicle files."""
     unit: ClassVar[str] = ""
     """Unit of the position, as a person writes it."""
     quantity: ClassVar[Quantity]
@@ -147,7 +147,7 @@ class Part:
 
     @classmethod
     def own_parameters(cls, reader: MjcfReader, name: str) -> Mapping[str, Any]:
-        """Fields that only this kind has, from the `<numeric name="NAME.field">` elements."""
+        """Fields that only this type has, from the `<numeric name="NAME.field">` elements."""
         return {}
 
     def problems(self) -> list[tuple[str, str]]:
@@ -242,14 +242,14 @@ class Part:
     def mirrored(self) -> float | None:
         """Factor on the position when port and starboard are swapped: 1 or -1.
 
-        None: the vehicle has no mirror image of the part, or the kind does not define it.
+        None: the vehicle has no mirror image of the part, or the type does not define it.
         """
         return None
 
     # --- numbers that the file cannot give exactly ------------------------------------------------
 
     def uncertainties(self) -> tuple[Uncertainty, ...]:
-        """Lag and largest rate; kinds with an encoder or coefficients add theirs."""
+        """Lag and largest rate; types with an encoder or coefficients add theirs."""
         return tuple(
             Uncertainty(
                 name=field,
@@ -264,7 +264,7 @@ class Part:
     # --- energy -----------------------------------------------------------------------------------
 
     def energy(self, vehicle: Carrier, move: Move, losses: Losses) -> Array:
-        """Electrical energy [J] of short moves, shape of the moves; 0 unless a kind defines it."""
+        """Electrical energy [J] of short moves, shape of the moves; 0 unless a type defines it."""
         return np.zeros(np.shape(move.after))
 
     # --- random commands and display --------------------------------------------------------------
@@ -300,7 +300,7 @@ class Part:
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """Clause that names what a kind lacks: each effect needs a kernel for both models."""
+        """Clause that names what a type lacks: each effect needs a kernel for both models."""
         if not isinstance(getattr(cls, "quantity", None), Quantity):
             return "it lacks `quantity`: how a store shows its position"
         shared = {field.name for field in dataclasses.fields(Part)}
@@ -316,6 +316,6 @@ class Part:
 
 
 PARTS: Registry[type[Part]] = seams.PARTS
-"""All kinds of vehicle part by name."""
+"""All types of vehicle part by name."""
 register = PARTS.add
-"""Register your own kind of part; usable as a decorator."""
+"""Register your own type of part; usable as a decorator."""

@@ -155,7 +155,7 @@ class Propeller(Part):
         """Largest excess of thrust power over shaft power, relative to both; below 0: none.
 
         Covers every advance ratio, ahead and astern, of the screw turning ahead. Without a torque
-        that falls with speed the figure has no meaning.
+        that falls with speed the number has no meaning.
         """
         size = abs(self.torque_coefficient)
         thrust = diagram(

@@ -1,8 +1,8 @@
-"""Ocean currents: kinds of current, and one compiled sampler for all.
+"""Ocean currents: types of current, and one compiled sampler for all.
 
 Build a current (`Uniform`, `Profile`, `Ekman`, `Geostrophic`, `Tide`, `Inertial`, `GaussMarkov`,
 `Series`, `LogLayer`, `Grid`, sums by +, or `parse_current("ekman:tau=0.1,direction=90")`), compile
-it for a mission, and read it with `twin.water.current.sampler.sample`. Your own kind is a
+it for a mission, and read it with `twin.water.current.sampler.sample`. Your own type is a
 subclass of `Current` with a compiled kernel, decorated with `register`. Importing this
 package loads neither numba nor xarray.
 """
@@ -13,7 +13,7 @@ from twin.lazy import attach, places
 from twin.seams import CURRENTS as CURRENTS
 
 register = CURRENTS.add
-"""Register your own kind of current and test its examples (`probe`); usable as a decorator."""
+"""Register your own type of current and test its examples (`probe`); usable as a decorator."""
 
 if TYPE_CHECKING:
     from twin.water.current.axes import Origin as Origin

@@ -1,4 +1,4 @@
-"""Currents: the base class of all kinds, sums of currents, and their texts and descriptions."""
+"""Currents: the base class of all types, sums of currents, and their texts and descriptions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from twin.water.current.axes import Origin
 from twin.water.current.sampler import Floats, kinds
 
 TABLE, TABULATED = "table", "twin.water.current.tabulated"
-"""Kind of a tabulated function, and the module of that kind, which imports this one."""
+"""Type of a tabulated function, and the module of that type, which imports this one."""
 HELP_COLUMN = 42
 """Column of `current_help` at which explanations begin, behind any shorter example."""
 FILE = re.compile(r"\.[A-Za-z]\w*\s*(,|$)|[/\\]")
@@ -37,7 +37,7 @@ class Current(abc.ABC):
 
     Directions are compass degrees TOWARD which the water flows (0 north, 90 east).
 
-    A kind is a frozen dataclass of its settings, decorated with `register`, with the names below,
+    A type is a frozen dataclass of its settings, decorated with `register`, with the names below,
     `records` and one compiled function:
 
       kernel(program, start, size, t, north, east, depth)
@@ -52,7 +52,7 @@ class Current(abc.ABC):
     kind: ClassVar[str] = ""
     """Name in descriptions and on the command line."""
     code: ClassVar[int | None] = None
-    """Number in compiled programs; None: made from the kind's name."""
+    """Number in compiled programs; None: made from the type's name."""
     payload_size: ClassVar[int | None] = None
     """Length of a record's payload; None: it varies, and the compiled function checks `size`."""
     kernel: ClassVar[Compiled | None] = None
@@ -60,7 +60,7 @@ class Current(abc.ABC):
     directional: ClassVar[Compiled | None] = None
     """Compiled function of velocity and directional derivative: see the class."""
     depends_on: ClassVar[tuple[str, ...]] = ("time", "north", "east", "depth")
-    """Variables that change the velocity of a `directional` kind; other derivatives are 0."""
+    """Variables that change the velocity of a `directional` type; other derivatives are 0."""
     usage: ClassVar[Mapping[str, str]] = {}
     """Example texts for `--current`, each with a short explanation; FILE stands for a file name."""
     settings: ClassVar[Mapping[str, str] | None] = None
@@ -89,7 +89,7 @@ class Current(abc.ABC):
 
     @classmethod
     def record(cls, *payload: ArrayLike) -> Floats:
-        """Make one record of this kind from numbers and arrays, flattened in order."""
+        """Make one record of this type from numbers and arrays, flattened in order."""
         if CURRENTS.get(cls.kind) is not cls:
             raise CurrentError(
                 f"{cls.__qualname__} is not a registered kind of current: give it a `kind` of its"
@@ -99,7 +99,7 @@ class Current(abc.ABC):
 
     @classmethod
     def number(cls) -> int:
-        """Number of the kind in compiled programs, equal in every process."""
+        """Number of the type in compiled programs, equal in every process."""
         if cls.code is not None:
             return cls.code
         return probe.FIRST_FREE_CODE + zlib.crc32(cls.kind.encode())
@@ -109,7 +109,7 @@ class Current(abc.ABC):
 
         duration_s [s]: mission length; sampled or loaded values cover it, and the last holds later.
         origin: the mission's start, `Origin()` when None. `probe` compares the derivatives of your
-        own kinds with differences of the velocity. Raises CurrentError.
+        own types with differences of the velocity. Raises CurrentError.
         """
         if not (math.isfinite(duration_s) and duration_s > 0.0):
             raise CurrentError(f"duration_s must be greater than 0 s, not {duration_s}")
@@ -138,7 +138,7 @@ class Current(abc.ABC):
 
     def check_place(self, latitude_deg: float, longitude_deg: float) -> None:
         """Raise CurrentError when this current requires another start place [degree]."""
-        return  # most kinds hold at any place
+        return  # most types hold at any place
 
     def check_time(self, time: str) -> None:
         """Raise CurrentError when this current requires another start time."""
@@ -205,7 +205,7 @@ class Current(abc.ABC):
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
-        """Rebuild from `describe()` without its kind; raises CurrentError for unknown names."""
+        """Rebuild from `describe()` without its type; raises CurrentError for unknown names."""
         allowed = [f.name for f in fields(cls)]
         for name in settings:
             if name not in allowed:
@@ -258,7 +258,7 @@ class Current(abc.ABC):
 
     @classmethod
     def flaw(cls, name: str) -> str:
-        """Describe a kind's fault as `probe.flaw` does; raises CurrentError as it does."""
+        """Describe a type's fault as `probe.flaw` does; raises CurrentError as it does."""
         return probe.flaw(cls, name)
 
     def __add__(self, other: Current) -> CurrentSum:
@@ -269,7 +269,7 @@ class Current(abc.ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class CurrentSum(Current):
-    """Sum of the velocities of several currents; without parts it is still water."""
+    """Sum of the velocities of several currents; still water without any."""
 
     kind: ClassVar[str] = "sum"
 
@@ -283,36 +283,36 @@ class CurrentSum(Current):
                 raise CurrentError(f"sum: a part is {type(part).__name__}, it must be a Current")
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """Collect the records of all parts."""
+        """Collect the records of all currents."""
         return [r for part in self.parts for r in part.records(duration_s, origin)]
 
     def pinned(self, duration_s: float, origin: Origin | None = None) -> CurrentSum:
-        """Return the sum with each part pinned."""
+        """Return the sum with each current pinned."""
         return CurrentSum(parts=tuple(part.pinned(duration_s, origin) for part in self.parts))
 
     def begins(self, duration_s: float, origin: Origin) -> Origin:
-        """Start place and time by the parts; the first part with a start of its own wins."""
+        """Start place and time; the first current that has a start of its own decides."""
         for part in reversed(self.parts):
             origin = part.begins(duration_s, origin)
         return origin
 
     def check_place(self, latitude_deg: float, longitude_deg: float) -> None:
-        """Check the place with each part."""
+        """Check the place with each current."""
         for part in self.parts:
             part.check_place(latitude_deg, longitude_deg)
 
     def check_time(self, time: str) -> None:
-        """Check the time with each part."""
+        """Check the time with each current."""
         for part in self.parts:
             part.check_time(time)
 
     def reaching(self, distance_m: float) -> CurrentSum:
-        """Return the sum with each part covering `distance_m`."""
+        """Return the sum with each current covering `distance_m`."""
         return CurrentSum(parts=tuple(part.reaching(distance_m) for part in self.parts))
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Self:
-        """Rebuild the sum from `describe()`, nested parts first."""
+        """Rebuild the sum from `describe()`, nested currents first."""
         parts = settings.get("parts", ())
         return super().from_settings(
             {**settings, "parts": tuple(current_from_dict(part) for part in parts)}
@@ -340,12 +340,12 @@ def current_from_dict(description: Mapping[str, Any]) -> Current:
 
 
 def kind_named(name: str, *also: str) -> type[Current]:
-    """Return the kind of this name; raises CurrentError, which also offers the names in `also`."""
+    """Return the type of this name; raises CurrentError, which also offers the names in `also`."""
     if name in CURRENTS:
         kind: type[Current] = CURRENTS[name]
         return kind
     hint = ""
-    if name[:1].isdigit() or name[:1] in "+-.":  # a velocity without a kind
+    if name[:1].isdigit() or name[:1] in "+-.":  # a velocity without a type
         hint = f"; write uniform:{name} for a velocity north, east in m/s"
     raise CurrentError(unknown_name("current", name, [*CURRENTS, *also]) + hint)
 
@@ -364,7 +364,7 @@ def _json(value: Any) -> Any:
 
 
 def current_help() -> str:
-    """Help text of `--current`: one example per line, from every kind registered so far."""
+    """Help text of `--current`: one example per line, from every type registered so far."""
     lines = [("none", "still water")]
     for kind in kinds():
         lines.extend(kind.usage.items())
@@ -381,7 +381,7 @@ def parse_current(text: str) -> Current:
 
     Speeds in m/s, angles in degrees toward. Raises CurrentError naming the wrong part.
     """
-    # a + belongs to a number (1e+3), a path or a time zone unless a kind follows it
+    # a + belongs to a number (1e+3), a path or a time zone unless a type follows it
     pieces = re.split(r"\+(?=\s*(?:[A-Za-z][\w-]*\s*:|none\b))", text.strip())
     currents = [_parse_one(piece.strip()) for piece in pieces]
     if len(currents) == 1:

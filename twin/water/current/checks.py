@@ -1,4 +1,4 @@
-"""Checks of a current's settings, worded alike for all kinds, and parsing of `NAME=VALUE` texts."""
+"""Checks of a current's settings, worded alike for all types, and parsing of `NAME=VALUE` texts."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Hydrography: temperature and salinity from the file of a gridded current.
 
-Ocean models write `thetao` and `so` beside `uo` and `vo`. Both are read on the same kinds of axes
+Ocean models write `thetao` and `so` beside `uo` and `vo`. Both are read on the same types of axes
 and interpolated in the same way as the current. TEOS-10 converts potential or conservative
 temperature and absolute salinity to in-situ temperature and practical salinity.
 """

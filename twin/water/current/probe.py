@@ -1,7 +1,7 @@
-"""Probe: check that your own kind of current is complete and its derivatives match its velocity.
+"""Probe: check that your own type of current is complete and its derivatives match its velocity.
 
 Added mass uses the rate and gradient of the current. A wrong sign in one of them changes the flight
-without any other symptom. Shipped kinds pass the probe in the tests; it is not run at each of their
+without any other symptom. Shipped types pass the probe in the tests; it is not run at each of their
 compilations.
 """
 
@@ -23,11 +23,11 @@ from twin.water.current.axes import Origin
 from twin.water.current.sampler import Floats
 
 FIRST_FREE_CODE = 65_536
-"""First code of your own kinds, derived from the kind's name; smaller codes are the package's."""
+"""First code of your own types, derived from the type's name; smaller codes are the package's."""
 DAY = 86_400.0
 """[s] Duration of the missions for which examples are compiled."""
 TAKEN = ("none", "sum", "table")
-"""Words that descriptions and texts reserve, so that no kind may have them."""
+"""Words that descriptions and texts reserve, so that no type may have them."""
 POINTS = 48
 FARTHEST, DEEPEST = 30_000.0, 1000.0
 """[m] Largest distance from the start, and largest depth, of the test points."""
@@ -46,10 +46,10 @@ COMPONENTS = ("north", "east", "down")
 
 
 def flaw(kind: Any, name: str) -> str:
-    """Describe the fault of a kind; empty when the kind is sound.
+    """Describe the fault of a type; empty when the type is sound.
 
     Raises:
-      CurrentError: a derivative in one of the kind's examples does not match its velocity.
+      CurrentError: a derivative in one of the type's examples does not match its velocity.
     """
     if not re.fullmatch(r"[a-z][a-z0-9-]*", name) or name in TAKEN:
         return "its kind must be lower-case letters, digits and hyphens, and not taken"
@@ -70,7 +70,7 @@ def flaw(kind: Any, name: str) -> str:
 
 
 def _flaw_of_functions(kind: Any) -> str:
-    """Describe the fault of the kind's compiled function; empty when there is none."""
+    """Describe the fault of the type's compiled function; empty when there is none."""
     for name, count in (("kernel", 7), ("directional", 11)):
         function = getattr(kind, name)
         if function is None:

@@ -6,10 +6,10 @@ interpolated current, not an estimate. Above the mean sea surface the value at d
 Interpolation is linear on ascending axes. Outside an axis the edge value is held, and at a node the
 derivative of the next cell counts. A damaged record gives NaN, and nothing outside it is read.
 
-The code that dispatches to kinds is generated from the registry. A newly registered kind changes
+The code that dispatches to types is generated from `CURRENTS`. A newly registered type changes
 that code, so all compiled functions that sample currents are compiled again.
 
-The layout of a compiled current is flat: every kind writes it, and the sampler reads it.
+The layout of a compiled current is flat: every type writes it, and the sampler reads it.
 """
 
 from __future__ import annotations
@@ -128,13 +128,13 @@ def _along(k, v_north, v_east, v_down):
 
 
 def kinds() -> list[Any]:
-    """Classes of the shipped, registered and loaded kinds, ordered by number."""
+    """Classes of the shipped, registered and loaded types, ordered by number."""
     shipped = (CURRENTS[name] for name in CURRENTS.shipped())
     return sorted({*shipped, *CURRENTS.loaded()}, key=lambda kind: kind.number())
 
 
 def _branches(of_kind: Callable[[Any, str], Sequence[str]]) -> Written:
-    """Write a branch for each kind; `of_kind` makes its lines from the kind and a function name.
+    """Write a branch for each type; `of_kind` makes its lines from the type and a function name.
 
     An unknown code returns `_invalid`.
     """
@@ -174,7 +174,7 @@ _VELOCITY = ("v_0", "v_1", "v_2")
 
 
 def _write_gradient() -> Written:
-    """Write `sample_gradient`; each kind adds only its own axes, so depth-only kinds are fast."""
+    """Write `sample_gradient`; each type adds only its own axes, so depth-only types are fast."""
     point = ", ".join(_POINT)
 
     def add(sums: Sequence[str], first: int) -> str:

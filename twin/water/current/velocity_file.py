@@ -79,7 +79,7 @@ class Velocity(NamedTuple):
     scale: Mapping[str, float]
     """Factor per component to m/s, above 0."""
     axes: Mapping[str, Axis]
-    """Axes of the variables, by kind: time, depth, latitude, longitude."""
+    """Axes of the variables, by quantity: time, depth, latitude, longitude."""
     dimensions: Mapping[str, Mapping[str, str]]
     """Dimension of each axis per component: depthu and depthv may be equal axes."""
     zero_is_land: bool
@@ -107,7 +107,7 @@ def open_data_set(
             yield data
     except TwinError:
         raise
-    except Exception as error:  # each backend raises its own kinds
+    except Exception as error:  # each backend raises errors of its own
         raise failure(
             f"{what} file {path} is damaged, its values cannot be read ({_reason(error)}): "
             "download or write it again"
@@ -115,7 +115,7 @@ def open_data_set(
 
 
 def _check_packing(data: xr.Dataset, path: str, failure: type[InputError]) -> None:
-    """Raise when the attributes for unpacking values are not numbers."""
+    """Raise an error if the attributes for unpacking values are not numbers."""
     for name, variable in data.variables.items():
         for attribute in ("scale_factor", "add_offset"):
             value = variable.encoding.get(attribute, 0.0)
@@ -157,7 +157,7 @@ def _open(path: str, what: str, failure: type[InputError]) -> xr.Dataset:
                 decode_times=False,
                 decode_timedelta=False,
             )
-    except Exception as error:  # each backend raises its own kinds
+    except Exception as error:  # each backend raises errors of its own
         reason = _reason(error)
         if NO_BACKEND in reason:
             reason = "its content is neither of the two; convert it, or download it again"

@@ -251,9 +251,9 @@ def _enclosing(metres: Array, reach: float) -> tuple[np.ndarray, Array]:
 
 
 def _encloses(metres: Array, degrees: Array) -> bool:
-    """Tell whether the start lies between two neighbours of an axis, or on its end.
+    """Tell whether the start lies between two neighbours of an axis, or at an end of the axis.
 
-    A start on the other side of the Earth lies in a wide gap of a regional file: False.
+    False for a start on the other side of the Earth, in the wide gap of a regional file's axis.
     """
     if metres[0] > 0.1 or metres[-1] < -0.1:
         return False
@@ -263,7 +263,7 @@ def _encloses(metres: Array, degrees: Array) -> bool:
 
 
 KINDS: dict[str, type[Floor]] = {c.kind: c for c in (FlatFloor, RoughFloor, GridFloor, Bathymetry)}
-"""All kinds of sea floor by their names in descriptions."""
+"""All types of sea floor by their names in descriptions."""
 ROUGH_SETTINGS = {
     "height": "height_m",
     "length": "length_m",
@@ -325,7 +325,7 @@ def floor_from_dict(data: Mapping[str, Any]) -> Floor:
     """Rebuild a floor from the settings that `describe` returned.
 
     Raises:
-      FloorError: a kind or setting is unknown.
+      FloorError: a type or setting is unknown.
     """
     kind = str(data.get("kind"))
     if kind not in KINDS:

@@ -54,7 +54,7 @@ LOG_ONLY: dict[str, tuple[str, str]] = {
     "dac_north": ("m s-1", "depth-averaged current that the vehicle reports"),
     "dac_east": ("m s-1", "depth-averaged current that the vehicle reports"),
 }
-"""Signals that rows are made from and stores do not hold unchanged: unit and meaning."""
+"""Columns from which the import makes signals of other names: unit and meaning by name."""
 MADE = frozenset(
     name
     for name in VARIABLES
@@ -94,7 +94,7 @@ class Signal:
     """North that a heading is measured from."""
 
     def wanted(self, name: str) -> str:
-        """Unit of the signal in a store, or `PRACTICAL`."""
+        """Unit of the signal in a store; `PRACTICAL` for practical salinity, which has none."""
         return LOG_ONLY[name][0] if name in LOG_ONLY else unit_of(name)
 
     def needs_unit(self, name: str) -> bool:
@@ -115,7 +115,7 @@ class Clock:
     unit: str = "s"
     """Unit: s, ms, us, ns, min, h, days; for written times iso, or a layout of `strptime`."""
     start: float | None = None
-    """[s] Unix time of the clock's zero; None: the column holds the whole time."""
+    """[s] Unix time at which the clock reads 0; None: the column holds Unix or written times."""
     start_from_name: str | None = None
     """Regular expression whose group is the date, ISO 8601, in a file's name."""
 
@@ -155,17 +155,17 @@ class Mapping:
     dvl_lock: Literal["bottom", "water"] | None = None
     """Reference of the Doppler log if no column gives it; it holds wherever there is a velocity."""
     model: str | None = None
-    """Vehicle file whose parts the controls move; it models the vehicle in the store."""
+    """Vehicle file by whose parts columns of controls are named; the store gets this vehicle."""
     deployment: Literal["file", "name", "column"] = "file"
     """Criterion that separates deployments: file, one name for all, or column."""
     deployment_word: str = ""
     """Name of the deployment, or of the column that has it."""
     rows: Literal["dives", "file", "gaps", "minutes"] = "dives"
-    """Kind of rows in the store: dives, whole files, times between gaps, or minutes."""
+    """Division into rows of the store: dives, whole files, times between gaps, or minutes."""
     minutes: float = 0.0
     """[min] Length of a row, if `rows` is minutes."""
     gap_s: float = 60.0
-    """[s] A longer gap in the times ends a row, where rows are not dives."""
+    """[s] Where rows are not dives, a longer gap in the times ends a row."""
     period_s: float | None = None
     """[s] Sampling interval of the store; None: the table's usual spacing."""
 
@@ -194,8 +194,8 @@ def row_times(
 ) -> tuple[tuple[float, float], ...] | None:
     """Start and end [s] of each row of a deployment; None if its rows are dives.
 
-    A gap in the times that is longer than the mapping's ends a row, whatever rows are. Rows of
-    minutes divide the time between gaps into equal parts of about `minutes`.
+    If rows are files, times between gaps or minutes, a gap longer than the mapping's `gap_s` ends a
+    row. Rows of minutes divide the time between gaps into equal intervals of about `minutes`.
 
     Args:
       time: [s] of the deployment, increasing.

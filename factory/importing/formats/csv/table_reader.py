@@ -124,7 +124,7 @@ def mapped_log(
     files: Sequence[Array],
     names: Sequence[str],
 ) -> DeploymentLog:
-    """Make a log of mapped channels: true north, fixes, rows, water.
+    """Make a log of mapped channels: turn headings to true north, add fixes, rows and density.
 
     Args:
       channels: by signal.
@@ -216,8 +216,8 @@ def _spacing(time: Array) -> float | None:
 
 
 def _fixes(latitude: Channel, longitude: Channel, fix: Channel, tally: Tally) -> LoggedFixes:
-    """GPS fixes: a repeated position is one fix, at its first row; at the log's start it is old,
-    and left out. Positions without a fix by the receiver are removed."""
+    """GPS fixes: a repeated position is one fix, at its first row. A position that is repeated from
+    the log's start on is old and left out. Positions that the receiver calls no fix are removed."""
     both = np.intersect1d(latitude.time, longitude.time)
     if len(fix) and both.size:
         said = fix.values[np.maximum(np.searchsorted(fix.time, both, side="right") - 1, 0)] > 0.0

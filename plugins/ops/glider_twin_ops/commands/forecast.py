@@ -33,7 +33,7 @@ class ForecastSurfacings(JsonOption):
 
     vehicle: str | None = None
     """vehicle: file of `twin identify`, a shipped vehicle's name, or an MJCF file; default: with
-    --logs the shipped one of the log's kind, as in `twin flight`, else glider"""
+    --logs the shipped one of the log's type, as in `twin flight`, else glider"""
     from_: Annotated[str | None, tyro.conf.arg(name="from", metavar="LAT,LON,TIME")] = None
     """place and time of the next dive: degrees north and east, and UTC, such as
     36.8,-122.4,2026-11-22T12:00; default: the last fix of --logs"""
@@ -238,7 +238,7 @@ class ForecastSurfacings(JsonOption):
 
 
 def vehicle_of(name: str | None, logs: Path | None) -> Vehicle:
-    """Load the named vehicle, else the shipped one of the log's kind, else `glider`."""
+    """Load the named vehicle, else the shipped one of the log's type, else `glider`."""
     from twin import load_vehicle
     from twin.identify import start_vehicle
 

@@ -44,7 +44,7 @@ class HindcastSurfacings(JsonOption):
     dive to dive. Default: none"""
     members: int | None = None
     """number of members to fly and score for every scored surfacing, as in `twin forecast`, by
-    --vehicle or the shipped one of the log's kind; default: none"""
+    --vehicle or the shipped one of the log's type; default: none"""
     engine: Literal["lanes", "mujoco"] = "lanes"
     """engine of --members; with lanes one member is compared with MuJoCo"""
     out: Path | None = None

@@ -1,7 +1,7 @@
 """Expected dive: velocity through the water and duration of a dive that begins now.
 
-A vehicle is sent to waypoints. By its own reckoning it goes straight to each, at the speed of its
-recent dives. A vehicle that corrects for its current estimate heads into that current. Gliders
+A vehicle is sent to waypoints. By its own reckoning it goes straight to each waypoint, at the speed
+of its recent dives. A vehicle that corrects for its current estimate heads into it. Gliders
 surface after a time under water, a time after the last surfacing, or by the clock every 1, 2, 3 or
 4 h. Pools weigh the models of velocity and of duration by the dives so far; `walk` uses both.
 """
@@ -30,7 +30,7 @@ the sea changes; and number of last dives whose median is the vehicle's speed"""
 FASTEST, COARSE, FINE = 1.5, 0.05, 0.01
 """[m/s] Upper end of the search for a dive's speed along its waypoints, and its two steps"""
 STRAIGHT = 1e6
-"""[s] Time for which the last dive's velocity goes on, where there is no waypoint"""
+"""[s] Without a waypoint, the last dive's velocity continues for this time"""
 ALONG = 0.3
 """[1] Largest misfit of a dive to the path along its waypoints, as a fraction of its length; beyond
 it the dive's speed is its straight length over its duration"""
@@ -39,12 +39,12 @@ it the dive's speed is its straight length over its duration"""
 def guided_way(
     targets: Sequence[Place], speed: float, believed: Place, duration: float
 ) -> Place | None:
-    """Displacement through the water along waypoints; beyond the last one the course goes on.
+    """Displacement through the water along waypoints; beyond the last the course continues.
 
     Args:
       targets: north, east [m] from the start, in order.
       speed: [m/s] through the water, horizontal.
-      believed: north, east [m/s] of the current that the vehicle corrects for.
+      believed: current that the vehicle corrects for, north and east [m/s].
       duration: [s]
 
     Returns:
@@ -129,8 +129,8 @@ class WayPool:
         """Mean velocity through the water [m/s] of a dive that begins now.
 
         Args:
-          one: only its waypoints and the vehicle's current estimate are read.
-          duration: [s] expected.
+          one: dive whose waypoints and current estimate are read.
+          duration: [s] expected duration.
         """
         return self.toward(one.targets, self.steered(one), duration)
 
@@ -178,7 +178,7 @@ class GroundPool:
         """Forecast the mean velocity over ground, north and east [m/s], of a dive that begins now.
 
         Args:
-          through: velocity through the water, by `WayPool`. current: by `CurrentPool`.
+          through: velocity through the water from `WayPool`. current: from `CurrentPool`.
         """
         means = np.array([through.mean + current.mean, self.steady])
         return self.pool.expect(means, [through.covariance + current.covariance, np.eye(2)])
@@ -199,7 +199,7 @@ def _reckons(one: LoggedLeg) -> bool:
 
 
 def _speed_of(one: LoggedLeg) -> float:
-    """[m/s] Speed along the waypoints; of a dive off their path, straight length over time."""
+    """[m/s] Speed along the waypoints; off the waypoints' path, straight length over time."""
     straight, through = float(np.hypot(*one.velocity)), one.leg.through_water
     believed = one.believed if one.believed is not None and _reckons(one) else (0.0, 0.0)
     assert through is not None
@@ -219,7 +219,7 @@ CLOCKS, ENDS = (1.0, 2.0, 3.0, 4.0), 5
 SHORTEST = 600.0
 """[s] Shortest expected dive"""
 STAYS, LONGEST_STAY = 10, 6.0 * HOUR
-"""Number of last surface intervals that are sampled, and [s] longest: a longer one is a gap"""
+"""Number of last surface intervals that are sampled; [s] a longer interval is a gap of the log"""
 SHORTENED, LENGTHENED = -0.8, 3.0
 """[1] Limits of a sampled dive's relative change of duration"""
 CLOCK_PRIORS = (Prior(0.14, 0.12), Prior(0.07, 0.16), Prior(0.06, 0.18), Prior(0.06, 0.14))
@@ -269,7 +269,7 @@ class SurfacingSchedule:
 
 
 def _by_clock(ends: Array, begin: float, usual: float, period: float) -> float:
-    """[s] Duration to the clock time nearest to the usual end; NaN where dives are much shorter."""
+    """[s] Duration to the clock time nearest to the usual end; NaN if dives are much shorter."""
     if usual < 0.5 * period:
         return np.nan
     turn = 2.0 * np.pi / period
@@ -279,7 +279,7 @@ def _by_clock(ends: Array, begin: float, usual: float, period: float) -> float:
 
 
 def middle(mixture: Mixture) -> float:
-    """[s] Weighted median of the models' durations; always one model's, never between two."""
+    """[s] Weighted median of the models' durations: always the duration of one model."""
     order = np.argsort(mixture.means[:, 0], kind="stable")
     reached = np.searchsorted(np.cumsum(mixture.weights[order]), 0.5)
     return float(mixture.means[order[min(int(reached), len(order) - 1)], 0])
@@ -297,7 +297,7 @@ class Delays(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Rhythm:
-    """Surface intervals and durations of the dives to come."""
+    """Statistics from which surface intervals and durations of later dives are sampled."""
 
     stays: Array
     """[s] last surface intervals, (stay,)"""
@@ -306,10 +306,10 @@ class Rhythm:
 
     @classmethod
     def of(cls, schedule: SurfacingSchedule, dives: Sequence[DiveTime]) -> Rhythm | None:
-        """Collect the statistics of all dives; None where fewer than two intervals are known.
+        """Collect the statistics of all dives; None if fewer than two intervals are known.
 
         Args:
-          schedule: which has learned from these dives.
+          schedule: pool that has learned from these dives.
         """
         stays = np.array([one.stay for one in dives[1:]])
         stays = stays[(stays >= 0.0) & (stays < LONGEST_STAY)][-STAYS:]
@@ -321,7 +321,7 @@ class Rhythm:
         """Sample surface intervals and changes of duration for `count` members.
 
         Args:
-          waited: [s] that the vehicle has been at the surface when the forecast begins.
+          waited: [s] time at the surface before the forecast begins.
         """
         stays = _further(self.stays, (count, dives), rng)
         lasts = self.late.draw(count, FREEDOM, rng)[:, 0]

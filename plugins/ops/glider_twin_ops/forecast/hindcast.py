@@ -1,9 +1,9 @@
 """Hindcast: forecasts of every surfacing of stored deployments, and their scores.
 
 A field gives the current that was forecast for the dives of a deployment. Members fly each
-surfacing as `twin forecast` flies them. They know what the walk knows when the dive begins: the
-currents so far, the waypoints of the dive, and the expected duration. Depth and pitch are those of
-the dive before. Beyond the last waypoint, and in a log without waypoints, the course goes on.
+surfacing as in `twin forecast`, from what is known when the dive begins: the currents so far, the
+waypoints of the dive, and the expected duration. Depth and pitch are those of the dive before.
+Beyond the last waypoint, and in a log without waypoints, the course continues.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ from twin.water.current import Current
 POINTS = 25
 """Number of places along a dive at which the field is read"""
 AHEAD = 2e5
-"""[m] Length of the course beyond the last waypoint: no dive is as long"""
+"""[m] Length of the course beyond the last waypoint, longer than any dive"""
 ARRIVAL = 20.0
 """[m] Radius of arrival at a waypoint, as in the walk (`expected_dive.ARRIVED`)"""
 UNDER, FLATTEST, STEEPEST = 5.0, 5.0, 45.0
@@ -65,11 +65,11 @@ def field_mean(logs: LogStore, legs: Sequence[LoggedLeg], current: Current) -> F
 
     Args:
       logs: the store, for the depths.
-      legs: of one deployment, in order of time, at least one.
+      legs: legs of one deployment, in order of time, at least one.
       current: field; without a time and place of its own it begins at the first leg.
 
     Returns:
-      A function, which raises CurrentError where the field does not cover a leg.
+      A function of a leg, which raises CurrentError if the field does not cover the leg.
     """
     first, part = legs[0], np.linspace(0.0, 1.0, POINTS)
 
@@ -78,11 +78,11 @@ def field_mean(logs: LogStore, legs: Sequence[LoggedLeg], current: Current) -> F
         begin = to_tangent_plane(*one.begin, *first.begin)
         measured = logs.signal("measured_depth", alike.mission).astype(float)
         known, depth = np.flatnonzero(np.isfinite(measured)), np.zeros(len(part))
-        if known.size:  # gaps are bridged
+        if known.size:  # interpolate over gaps
             at, dived = part * alike.leg.duration / logs.period, np.maximum(measured[known], 0.0)
             depth = np.interp(at, known, dived)
         found = np.zeros(2)
-        for _ in range(2):  # along the path through the water, then along that with the field
+        for _ in range(2):  # first along the path through the water, then with the field added
             north, east = (
                 at + (metres + duration * moved) * part
                 for at, metres, moved in zip(begin, way, found, strict=True)
@@ -119,9 +119,9 @@ class MemberFlights:
 
         Args:
           before: the dives so far, at least one.
-          one: only its begin, its waypoints and the vehicle's current estimate are read.
-          models: as they stand after the last of `before`.
-          duration: [s] expected.
+          one: dive whose begin, waypoints and current estimate are read.
+          models: models after the last dive of `before`.
+          duration: [s] expected duration.
           reach: [1] squared radii of the two ellipses, as in `Walked`.
 
         Returns:
@@ -165,7 +165,7 @@ class MemberFlights:
         return np.array([told[0].north, told[0].east]), told[0].covariance
 
     def beside_mujoco(self) -> EndsApart | None:
-        """Fly the last dive's first member in MuJoCo too; None where none was flown in lanes."""
+        """Fly the last dive's first member in MuJoCo too; None if lanes flew no member."""
         if self._nominal is None or self._engine != "lanes":
             return None
         scenario, flight = self._nominal
@@ -206,9 +206,9 @@ class _Scored:
 
     surfacing: Scores
     current: Scores
-    """Displacement by the current; displacement through the water and duration are given"""
+    """Scores of the displacement by the current, with given duration and path through the water"""
     members: Scores | None = None
-    """Surfacings by flown members; None where no members were flown"""
+    """Scores of surfacings by flown members; None if no members were flown"""
 
     def describe(self) -> dict[str, object]:
         """Scores as `--json` prints them."""
@@ -223,7 +223,7 @@ class DeploymentHindcast(_Scored):
     name: str
     store: Path
     dives: int
-    """Number of dives in the store, with those that have no two fixes or no known displacement"""
+    """Number of dives in the store, including dives without two fixes or a known displacement"""
     legs: tuple[LoggedLeg, ...]
     train: int
     """Number of legs at the beginning that are not scored"""
@@ -235,7 +235,7 @@ class DeploymentHindcast(_Scored):
 
     @property
     def surfacings(self) -> tuple[HindcastSurfacing, ...]:
-        """One for each leg but the first."""
+        """Surfacings with their forecasts, one for each leg but the first."""
         return self.walked.surfacings
 
     def describe(self) -> dict[str, object]:
@@ -256,8 +256,8 @@ class Hindcast(_Scored):
     train_fraction: float
 
     def rows(self, which: str, least: int = 0) -> list[tuple[str, Scores]]:
-        """Name and scores of each deployment of at least `least` surfacings; several are followed
-        by the scores of all together."""
+        """Name and scores of each deployment of at least `least` surfacings; with several, scores
+        of all together come last."""
         told = ((one.name, getattr(one, which)) for one in self.deployments)
         found = [(name, one) for name, one in told if one is not None and one.segments >= least]
         return [*found, ("all", getattr(self, which))] if len(found) > 1 else found
@@ -279,21 +279,21 @@ def hindcast(
 
     Args:
       stores: paths of stores that `factory import` wrote.
-      train_fraction: fraction of each deployment's legs, at its beginning, that teaches and is not
-        scored, such as the dives that a vehicle was identified on.
+      train_fraction: fraction of each deployment's legs, from the first, that the models learn from
+        and that is not scored, such as the dives that a vehicle was identified on.
       vehicle: flight model for the velocity through the water, a file or a shipped name; None takes
         depth rate and pitch, else the vehicle's reported current.
       current: forecast field that is known ahead.
-      priors: of the models, before the first dive; None takes the shipped ones.
+      priors: priors of the models, before the first dive; None: the shipped priors.
       waypoints: number of a dive's waypoints that are known, from the first; None: all.
-      members: number that is flown for each scored surfacing, as `forecast` does, by `vehicle` or
-        the shipped one of the log's kind; None: none.
+      members: number of members that are flown for each scored surfacing, as in `forecast`, by
+        `vehicle` or the shipped vehicle of the log's type; None: none.
       engine: flies the members, as `Scenario.engine`.
-      advance: called once for each deployment that is done.
+      advance: called after each deployment.
 
     Raises:
       CurrentError: the field does not cover a deployment.
-      StoreError: no store of logs, or none of its dives has two fixes and a way through the water.
+      StoreError: no store of logs, or none of its dives has two fixes and a known path in water.
       InputError: a fraction that is not from 0 to below 1, no store, the same dives twice, or
         members that are too few or too many.
       VehicleError: no such vehicle.
@@ -379,7 +379,7 @@ def _scores(
 
 
 def _check_new(one: DeploymentHindcast, before: Sequence[DeploymentHindcast]) -> None:
-    """Raise InputError where a deployment shares dives (place and second) with one before."""
+    """Raise InputError if two deployments share a dive: equal place and second."""
     dives, *others = (
         {(round(leg.leg.start), *(round(v, 4) for v in leg.begin)) for leg in each.legs}
         for each in (one, *before)

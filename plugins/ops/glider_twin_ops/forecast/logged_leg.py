@@ -97,7 +97,7 @@ def legs_of(
 
     Args:
       flown: velocity through the water by a flight model, north and east [m/s], (time, 2), by row
-        in the store; rows that it lacks take the log's own.
+        in the store; other rows take the log's own velocity.
     """
     durations = logs.number(DIVE_DURATION)
     moved, *currents = (
@@ -186,16 +186,16 @@ SILENT, TOLD = 3600.0, 3
 """[s] Time without a sample that counts as a gap, as in `factory import`; and number of last gaps
 that are reported with their times"""
 AFLOAT, SAME = 3.0, 1.5
-"""[m] Largest depth of a pressure sensor whose glider is at the surface; and [s] largest difference
-of two durations of one surface interval, since clocks are rounded"""
+"""[m] Depth down to which a pressure sensor can read with its glider at the surface; [s] limit of
+the difference of two durations of one surface interval, since clocks are rounded"""
 
 
 def dive_times(logs: LogStore, deployment: str) -> DiveTimes:
     """Times of the dives of a deployment.
 
     The time between two dives is a surface interval if fixes begin and end it, and if the log has
-    no gap there or the usual dive does not fit. Otherwise a file may be missing, and the interval
-    is not known. A dive is left out if its log begins or ends under water: the dive was longer.
+    no gap in it or the usual dive is too long for it. Otherwise a file may be missing, and the
+    interval is not known. A dive whose log begins or ends under water was longer and is left out.
     """
     durations, waited = (logs.number(name) for name in (DIVE_DURATION, "surface_duration"))
     dives: list[DiveTime] = []
@@ -242,7 +242,7 @@ def why_no_legs(logs: LogStore, deployment: str) -> str:
 
 
 APART = 30.0
-"""[m] Least distance of two waypoints: nearer ones are one waypoint, repeated with a correction"""
+"""[m] Least distance of two waypoints: at less, one waypoint was repeated with a correction"""
 
 
 def _targets(places: Array) -> tuple[tuple[float, float], ...]:

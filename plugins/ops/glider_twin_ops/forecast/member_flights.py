@@ -51,8 +51,8 @@ FIX_DEVIATION = 5.0
 TAILS = np.array([0.05, 0.95])
 """[1] Fractions of the members that have surfaced at the two bounds of a time"""
 LEAST = 0.99
-"""[1] Least fraction of members that have a surfacing for it to be reported: without the late ones
-place, time and ellipse would be those of the early ones"""
+"""[1] A surfacing is reported if at least this fraction of the members has it: place, time and
+ellipse without late members would describe the early members"""
 ELLIPSE_POINTS = 64
 KILO = 1e3
 
@@ -62,15 +62,15 @@ class MemberFlight:
     """Flight of one member."""
 
     time: Array
-    """[s] from the start to each surfacing, (surfacing,)"""
+    """[s] Time from the start to each surfacing, (surfacing,)"""
     place: Array
     """North, east [m] of each surfacing, (surfacing, 2)"""
     energy: Array
-    """[J] used from the start to each surfacing, (surfacing,)"""
+    """[J] Energy used from the start to each surfacing, (surfacing,)"""
     track: Array
     """North, east [m] of the thinned track, (point, 2)"""
     times: Array
-    """[s] from the start to each point of the track, (point,)"""
+    """[s] Time from the start to each point of the track, (point,)"""
     duration: float
     """[s] Duration of the flight"""
     taken: float
@@ -128,7 +128,7 @@ def fly(
 ) -> Iterator[list[MemberFlight | SimulationUnstable]]:
     """Fly the first member, then the others in fleets; yield the flights of each fleet.
 
-    In lanes a full batch flies first, which takes no longer; its first member is yielded alone.
+    In lanes a full batch takes no longer than one member; its first member is yielded alone.
 
     Args:
       threads: number of threads of a fleet; 0 takes every core.
@@ -148,7 +148,7 @@ def fly(
 
 @contextlib.contextmanager
 def coarse_steps() -> Iterator[None]:
-    """Ignore warnings of inaccurate steps: their mm/s are small beside an unknown current.
+    """Ignore warnings of inaccurate steps: errors of mm/s are small beside an unknown current.
 
     Warning filters belong to the process: enter this context before the first thread starts, and
     leave it after the last has ended.
@@ -277,7 +277,7 @@ class Surfacing:
     def ellipse(self, holds: float) -> Ellipse:
         """Ellipse that holds the surfacing with a probability such as 0.9.
 
-        Few members make it wider, since mean and covariance are estimated from them.
+        With few members the ellipse is wider, since mean and covariance are estimated from them.
         """
         return Ellipse.of(self._shape(holds))
 
@@ -293,7 +293,7 @@ class Surfacing:
         return degrees(np.array([self.north, self.east]) + around, place)
 
     def describe(self) -> dict[str, Any]:
-        """Figures as `--json` prints them."""
+        """Numbers as `--json` prints them."""
         same = ("number", "latitude", "longitude", "time_s", "early_s", "late_s", "bound_s")
         return {name: getattr(self, name) for name in same} | {
             "part_of_members": self.part,
@@ -365,7 +365,7 @@ def surfacings_of(
 
 
 def left_out(flights: Sequence[MemberFlight], told: int, within: float) -> str:
-    """Reason why the surfacing after the last reported one is left out; empty where none is due."""
+    """Reason why the surfacing after the last reported one is left out; empty if none is due."""
     if not _due(flights, told, within):
         return ""
     part = sum(len(one.time) > told for one in flights) / len(flights)

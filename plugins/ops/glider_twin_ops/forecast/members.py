@@ -40,20 +40,20 @@ from twin.records import unix_seconds
 from twin.water.current import Current, sample_track
 
 LARGEST_SCALE, OBEYS = 0.5, 0.2
-"""[1] Largest relative error of a sampled speed, and weight of the model "to its waypoints" below
-which the forecast warns that waypoints hardly count"""
+"""[1] Limit of a sampled speed's relative error; and weight of the model "to its waypoints" below
+which the forecast warns that the vehicle hardly follows waypoints"""
 INTERVAL = 1800.0
 """[s] Interval of a sampled time series: 1/28 of an inertial period at 60 degree"""
 FIELD_TIME, STRAIGHT = 86400.0, 5e5
-"""[s] Time scale in which the error of a forecast field decorrelates, as weather does; and [m] a
-distance beyond any glider's in a forecast"""
+"""[s] Correlation time of a forecast field's error, as of weather; [m] distance that no glider
+covers within a forecast"""
 FASTEST = 3.0
 """[m/s] Limit of each component of a sampled current; no sea is faster"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Members:
-    """Scenarios of all members with their timing errors; the first is the mean of what is known."""
+    """Scenarios of all members with their timing errors; the first member has all mean values."""
 
     scenarios: tuple[Scenario, ...]
     spread: dict[str, str]
@@ -63,7 +63,7 @@ class Members:
     drift: Array
     """North, east [m/s] of the drift at the surface, (member, 2)."""
     earliest: float
-    """[s] after the start, until which the log shows the vehicle under water."""
+    """[s] Time after the start until which the log shows the vehicle under water."""
 
     def delayed(self, number: int, flight: MemberFlight) -> MemberFlight:
         """Flight of a member with its sampled timing errors, not before `earliest`."""
@@ -167,7 +167,7 @@ def members_of(request: Request, known: Known) -> Members:
 
 
 def _beside_log(request: Request, ways: WayPool) -> float | None:
-    """[1] Horizontal speed of recent dives over the flown vehicle's, less 1; None if unknown."""
+    """[1] Horizontal speed of recent dives over the flown vehicle's, minus 1; None: unknown."""
     first = request.mission.segments[0]
     if ways.speed is None or not isinstance(first, Waypoint):
         return None
@@ -240,14 +240,14 @@ def scaled_speed(vehicle: Vehicle, scale: float) -> Vehicle:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class WaterDraws:
-    """Samples of the water by member; the first member is the mean of what is known."""
+    """Samples of the water by member; the first member has all mean values."""
 
     current: Array
     """North, east [m/s], (member, time, 2), `INTERVAL` apart"""
     speed_scale: Array
-    """[1] real speed over the model's, less 1, (member,)"""
+    """[1] Real speed over the model's speed, minus 1, (member,)"""
     compass: Array
-    """[rad] true heading less the compass's, (member,)"""
+    """[rad] True heading minus compass reading, (member,)"""
 
 
 def draw_water(
@@ -256,7 +256,7 @@ def draw_water(
     """Sample time series of the current, and errors of speed and compass, from a filter.
 
     Args:
-      filter_: at the start. duration: [s]. count: number of members, the mean included.
+      filter_: current filter at the start. duration: [s]. count: members, the mean included.
       dive: [s] interval at which the part of the current that belongs to a dive is sampled anew.
     """
     mean, covariance = _state(filter_)
@@ -288,7 +288,7 @@ def draw_models(
     plus a constant error, Student's t of the model's scale. The first member is the mean of all.
 
     Args:
-      pool: with what it has learned, its filter at the start.
+      pool: pool that has learned from the dives; its filter is at the start.
 
     Returns:
       Samples, and standard deviation [m/s] of the current at the start, mean of north and east.
@@ -351,12 +351,12 @@ def draw_ways(ahead: Mixture, freedom: float, count: int, rng: np.random.Generat
 def draw_ground(
     course: Array, flown: Array, ground: GroundPool, rng: np.random.Generator
 ) -> tuple[Array, float]:
-    """Let some members go over ground as the last three dives, sampled by weight.
+    """Let some members, sampled by weight, move over ground like the last three dives.
 
     Args:
       course: north, east [m/s] of the current, (member, time, 2).
       flown: north, east [m/s] of the flown path through the water.
-      ground: with what it has learned.
+      ground: pool that has learned from the dives.
 
     Returns:
       The currents, and the fraction of such members; the first member keeps the weighted mean.

@@ -37,11 +37,11 @@ FORGETTING = 0.95
 """[1] Factor of a weight's logarithm, and of the count of errors behind a scale, at each value:
 about the last twenty values count"""
 TEMPER = 0.5
-"""[1] Exponent of a likelihood: errors of neighbours correlate, so two count as one"""
+"""[1] Exponent of a likelihood: errors of successive values correlate, so two count as one"""
 COUNTED = 4.0
 """[1] Number of errors that the prior of a scale counts as"""
 LEAST = 1e-4
-"""[1] Fraction of the weights that stays the prior's, so that a model can regain its weight"""
+"""[1] Fraction of the prior that is mixed into the weights, so that a model can regain weight"""
 
 
 class Prior(NamedTuple):
@@ -96,7 +96,7 @@ class Pool:
     pool.learn([0.12, 0.01])
 
     Args:
-      priors: by the models' names.
+      priors: prior of each model, by the model's name.
       freedom: [1] degrees of freedom of Student's t, above 2.
       counted: [1] number of errors that the prior of a scale counts as.
       forgetting: [1] see `FORGETTING`.
@@ -144,7 +144,7 @@ class Pool:
         """Mix the models' forecasts.
 
         Args:
-          means: (model, number); NaN in the row of a model without a forecast this time.
+          means: (model, number); NaN in the row of a model that has no forecast now.
           shapes: covariance of errors of scale 1, (model, number, number); None: the unit matrix.
 
         Raises:
@@ -167,10 +167,10 @@ class Pool:
         )
 
     def learn(self, value: ArrayLike) -> Array:
-        """Learn from the observed value, (number,), of the last forecast.
+        """Learn from the value, (number,), that was observed after the last forecast.
 
         Returns:
-          Posterior weight of each model for this value, (model,); 0 of a model without a forecast.
+          Posterior weight of each model for this value, (model,); 0 for a model without a forecast.
 
         Raises:
           InputError: there was no forecast before.
@@ -191,7 +191,7 @@ class Pool:
         moved = self._logarithms.copy()
         before = _log_sum(moved[known])
         moved[known] = self.forgetting * moved[known] + TEMPER * likely
-        moved[known] += before - _log_sum(moved[known])  # models without a forecast keep theirs
+        moved[known] += before - _log_sum(moved[known])  # weights without a forecast stay
         kept = (1.0 - LEAST) * _normalised(moved) + LEAST * self._prior
         self._logarithms = np.log(kept)
         doubt = (self.freedom + size) / (self.freedom + distance)
@@ -223,7 +223,7 @@ CURRENT_PRIORS: Mapping[str, Prior] = {
     BESIDE: Prior(0.5, 1.0),
 }
 """Prior of each model, learned over deployments (`python -m benchmarks.surfacings`): scale in m/s,
-of the filters in their own standard deviations. The two with a field are assumed."""
+or in a filter's own standard deviations. The priors of the two models with a field are assumed."""
 LAST = {PERSISTENCE: 1, MEAN: 3}
 """Number of last dives whose mean current a model forecasts"""
 TIDAL_DAYS, FEWEST = 2.0, 6
@@ -258,7 +258,7 @@ class CurrentPool:
             name: CurrentFilter(CurrentParameters(field=part), latitude=latitude, time=time)
             for name, part in follows.items()
         }
-        """Current filters by model; that beside a field follows the current less the field's"""
+        """Current filters by model; with a field, a filter follows current minus field"""
         names = [one for one in CURRENT_PRIORS if field or one not in (FIELD, BESIDE)]
         self.pool = Pool({name: priors[name] for name in names})
         self._legs: list[Leg] = []
@@ -271,7 +271,7 @@ class CurrentPool:
 
         Returns:
           North, east [m/s], (2,), NaN while the model has no forecast, and a covariance (2, 2) of
-          scale 1, which the pool scales; a filter's contains errors of speed and compass.
+          scale 1, which the pool scales. A filter's covariance has errors of speed and compass.
         """
         if name in self.filters:
             filter_ = self.filters[name]
@@ -308,7 +308,7 @@ class CurrentPool:
 def tidal_fit(legs: Sequence[Leg], ahead: Leg, days: float) -> Array:
     """Mean current [m/s] over a leg, (2,): mean and M2, fitted to the legs of the last days.
 
-    Fewer than `FEWEST` legs, or legs within one period of M2, give their mean; none give NaN.
+    Fewer than `FEWEST` legs, or legs within one period of M2, give their mean; no legs give NaN.
     """
     recent = [one for one in legs if one.start >= ahead.start - days * DAY]
     if not recent:

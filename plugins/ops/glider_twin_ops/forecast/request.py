@@ -41,16 +41,16 @@ from twin.water.current import Current
 
 HOUR, DAY = 3600.0, 86400.0
 FIELD_ERROR = 0.1
-"""[m/s] Standard deviation of a forecast field's depth-averaged current, north and east each: the
-size of errors that models of shelf seas have against gliders"""
+"""[m/s] Standard deviation of a forecast field's depth-averaged current, north and east each, as
+found between models of shelf seas and gliders"""
 LONGEST_HOURS, LEAST_MEMBERS, MOST_MEMBERS = 240.0, 10, 100_000
 FASTEST, SLOWEST = 3.0, 0.1
-"""[m/s] Largest speed over ground, a glider's plus a current of 2 m/s; and least vertical velocity
-of a climb, which says how far beyond the horizon members fly"""
+"""[m/s] Largest speed over ground: a glider's plus a current of 2 m/s; least vertical velocity of a
+climb, from which the flight time beyond the horizon follows"""
 DEEPEST = 1500.0
-"""[m] Rated depth of a vehicle whose file has none: that of the deepest shipped vehicle"""
+"""[m] Rated depth for a file without one: the deepest shipped vehicle's"""
 TOO_DEEP = 1.2
-"""[1] Depth over the rated depth beyond which a mission is refused"""
+"""[1] Largest allowed ratio of a mission's depth to the rated depth"""
 LATE = 0.25
 """[1] Fraction of a dive by which late members surface after the others"""
 
@@ -67,7 +67,7 @@ class Request:
     """[h] Horizon."""
     members: int = 200
     field: Current | None = None
-    """Forecast of the current; None: the current of the logs, as their models continue it."""
+    """Forecast of the current; None: the models continue the current found in the logs."""
     field_error: float = FIELD_ERROR
     """[m/s] Standard deviation of the field's error, north and east each."""
     density: str = "usual"
@@ -146,7 +146,7 @@ class Request:
 
     @property
     def flown(self) -> float:
-        """[s] Duration of members' flights: beyond the horizon, for late members to surface."""
+        """[s] Duration of members' flights, beyond the horizon until late members have surfaced."""
         return self.horizon + self.deepest / SLOWEST + LATE * longest_dive(self.mission)
 
 
@@ -196,15 +196,15 @@ def mission_to(
 
 
 def longest_dive(mission: Mission) -> float:
-    """[s] Longest time between surfacings that a mission commands; 3 h where it has none."""
+    """[s] Longest commanded time between a mission's surfacings; 3 h if none is commanded."""
     times = [getattr(segment, "surface_after_s", None) for segment in mission.segments]
     return max((time for time in times if time is not None), default=3.0 * HOUR)
 
 
 KILO = 1e3
 OLD, FAR, MOST_BEFORE = 2.0, 30.0, 60.0
-"""[d] age and [km] distance beyond which logs give a warning: eddies and tides decorrelate there;
-and [s] largest difference of clocks"""
+"""[d] age and [km] distance beyond which logs give a warning, because eddies and tides change; [s]
+largest difference of clocks"""
 MOST_DAYS, MOST_AWAY, MOST_PER_DAY = 30.0, 100.0, 100.0
 """[d] age, and [km] distance with its growth [km/d], beyond which logs are refused: a glider drifts
 at less than 1.2 m/s"""
@@ -218,7 +218,7 @@ class LastSeen(NamedTuple):
     depth: float
     """[m]"""
     rise: float
-    """[s] to rise from that depth at the median vertical velocity of the dive."""
+    """[s] Time to rise from `depth` at the median vertical velocity of the dive."""
 
     @property
     def words(self) -> str:
@@ -240,7 +240,7 @@ class Known:
     time: float | None = None
     """[s] Unix time of the last fix."""
     last_current: tuple[float, float] | None = None
-    """North, east [m/s], mean over the last dive: the vehicle's own estimate on board."""
+    """[m/s] Mean current over the last dive, north and east, as estimated on board."""
     source: str = "no logs"
     """Source of the state in words."""
     legs: int = 0
@@ -250,8 +250,8 @@ class Known:
     ground: GroundPool | None = None
     """Models of the velocity over ground."""
     reach: float = chi_squared(0.9)
-    """[1] squared Mahalanobis radius that held nine of ten surfacings of the log, when each was
-    forecast from the dives before."""
+    """[1] Squared Mahalanobis radius that held nine of ten surfacings of the log, each forecast
+    from the dives before it."""
     rhythm: Rhythm | None = None
     """Surface intervals and durations; None: not known."""
     silent: str = ""
@@ -259,8 +259,8 @@ class Known:
     last_seen: LastSeen | None = None
     """Newest sample of the log, if it is newer than the last fix"""
     by_model: bool = False
-    """True if displacements through the water are those of the vehicle's flight model: the filter's
-    errors of speed and compass are then that model's."""
+    """True if the vehicle's flight model gave the displacements through the water; the filter then
+    estimates this model's errors of speed and compass."""
 
     @property
     def filter_(self) -> CurrentFilter:
@@ -287,7 +287,7 @@ class Known:
         """Check that the logs are near a place [degree] and a unix time [s].
 
         Returns:
-          A warning where the logs are old or from elsewhere; else empty.
+          A warning if the logs are old or from far away; else empty.
 
         Raises:
           InputError: the logs are too old, or from farther away than a glider goes since then.
@@ -311,7 +311,7 @@ class Known:
 
 
 def known_without_logs(latitude: float, time: float) -> Known:
-    """State of the priors alone, at a latitude [degree] and a unix time [s]."""
+    """State without logs, by the priors, at a latitude [degree] and a unix time [s]."""
     return Known(pool=CurrentPool(latitude=latitude, time=time))
 
 
@@ -361,7 +361,7 @@ def known_from_logs(path: str | Path, vehicle: str | None = None) -> Known:
 
 
 def aim_of(path: str | Path) -> str:
-    """Last waypoint "LAT,LON" that the last dive of a store commands; empty where it has none.
+    """Last commanded waypoint "LAT,LON" of a store's last dive; empty if it has none.
 
     Raises:
       StoreError: no store of logs.
@@ -415,7 +415,7 @@ def _last_deployment(logs: LogStore) -> tuple[str, str]:
 
 
 MOVING = 0.03
-"""[m/s] Least vertical velocity of a dive: a slower vehicle hovers, or floats"""
+"""[m/s] Least vertical velocity of a dive: at less, the vehicle hovers or floats"""
 
 
 def _last_seen(logs: LogStore, deployment: str) -> LastSeen | None:

@@ -25,31 +25,31 @@ from twin.numbers import Array
 STEP = 3.0 * 3600.0
 """[s] Interval between two times of the water"""
 REACH = 4
-"""Largest number of nodes that an edge spans each way: 48 directions"""
+"""Most nodes that an edge spans, north and east each: 48 directions"""
 SPANS = range(-REACH, REACH + 1)
 EDGES = np.array([(n, e) for n in SPANS for e in SPANS if math.gcd(n, e) == 1])
 LOOKS = (4, 8, 16)
-"""Numbers of places of an edge where the nearest node's current is read. All three are tried: few
-places give paths that tolerate a forecast's errors, many give the best path of a known water"""
+"""Numbers of places along an edge at which the nearest node's current is read. All three are tried:
+few places give paths that tolerate a forecast's errors, many the best path if the water is known"""
 SLOWEST, BARRED = 0.02, 1e9
-"""[m/s] Least speed over ground, where a vehicle makes no progress and waits for better water; and
-[s] time of a forbidden path"""
+"""[m/s] Speed over ground of a vehicle without progress, which waits for better water; [s] time of
+a forbidden path"""
 CORNERS, WORTH = 7, 0.002
 """Largest number of corners between a path's ends, which with its end fill a Slocum's list of
 waypoints; and [1] least fraction of the time that each corner must save"""
 THROWN, CAUGHT, MOST_THROWN = 600, 3, 4
-"""Number of random paths, number of them that is kept, and largest number of their corners"""
+"""Number of random paths, number of paths that are kept, and most corners of a random path"""
 ALONG, ASIDE = (-0.2, 1.2), (0.25, 0.05)
 """[1] In lengths of the straight path: limits of random corners along it, and standard deviation of
 the steps across it, for wide and for narrow paths in turn"""
 AT_ONCE = 1_000_000
 """Largest number of elements of an array of lines by corners of a polygon"""
 ALONE, APART = 3, 2.0
-"""Number of single samples of the water whose fastest paths are candidates too, and least distance
-of two candidates in nodes"""
+"""Number of samples of the water whose fastest paths are candidates too; [nodes] least distance of
+two candidates"""
 EDDIES, SHORTEST, LONGEST = 24, 3e4, 2e5
-"""Number of waves in a sampled error of the field, and limits of their length [m]: mesoscale eddies
-are what models misplace"""
+"""Number of waves in a sampled error of the field, and limits of their length [m]: those of
+mesoscale eddies, which models misplace"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -85,11 +85,11 @@ class RouteWater:
 def made_good(north, east, ahead, aside, speed):  # type: ignore[no-untyped-def]
     """Speed over ground [m/s] along a course, with the heading that cancels the current across it.
 
-    It is `SLOWEST` where the current across is faster than the vehicle.
+    The speed is `SLOWEST` if the current across is faster than the vehicle.
 
     Args:
-      north, east: [m/s] of the current. ahead, aside: unit vector of the course, north and east.
-      speed: [m/s] through the water.
+      north, east: [m/s] current. ahead, aside: unit vector of the course, north and east.
+      speed: [m/s] speed through the water.
     """
     across = north * aside - east * ahead
     room = speed**2 - across**2
@@ -115,7 +115,7 @@ def erring(
     errors, so that the mean of an odd number of members is the expected water.
 
     Args:
-      forecast: [m/s] north, east, (time, north, east, 2). error: [m/s] standard deviation each way.
+      forecast: [m/s] north, east, (time, north, east, 2). error: [m/s] deviation, north and east.
     """
     mean, wrong, there = forecast.mean(axis=(0, 1, 2)), error**2, 0.0
     liveliness = float(((forecast - mean) ** 2).mean())
@@ -133,7 +133,7 @@ def erring(
 
 
 def eddies(rng: np.random.Generator, times: Array, north: Array, east: Array) -> Array:
-    """Random flow without divergence, rms 1 m/s each way, (time, north, east, 2)."""
+    """Random flow without divergence, rms 1 m/s north and east each, (time, north, east, 2)."""
     turn = rng.uniform(0.0, 2.0 * math.pi, EDDIES)
     length = np.exp(rng.uniform(math.log(SHORTEST), math.log(LONGEST), EDDIES))
     wave = 2.0 * math.pi / length * np.array([np.cos(turn), np.sin(turn)])
@@ -208,7 +208,7 @@ def _cell(place, count):  # type: ignore[no-untyped-def]
 
 @dataclasses.dataclass(kw_only=True)
 class Search:
-    """Search for paths, each (corner, 2), [m] north, east, at one speed from one departure on."""
+    """Search for paths, each (corner, 2), [m] north, east, at one speed and one departure time."""
 
     water: RouteWater
     speed: float
@@ -220,8 +220,8 @@ class Search:
 
     @functools.cached_property
     def edges(self) -> NDArray[np.bool_]:
-        """Mask of the allowed edges of each node, (north, east, edge): edges that end in the region
-        and meet no polygon."""
+        """Mask of the allowed edges of each node, (north, east, edge): an allowed edge ends in the
+        region and meets no polygon."""
         rows, columns = len(self.water.north), len(self.water.east)
         here = np.indices((rows, columns)).transpose(1, 2, 0)[:, :, None]
         there = here + EDGES
@@ -262,7 +262,7 @@ class Search:
     def thrown(self, start: Array, goal: Array, rng: np.random.Generator) -> list[Array]:
         """Best `CAUGHT` of `THROWN` random paths of few corners, by the mean time over all members.
 
-        The path over nodes has many corners; its best few need not be near the best path of few.
+        The path over nodes has many corners. A few of these need not lie near the best path of few.
         """
         length = float(np.hypot(*(goal - start)))
         if length == 0.0:

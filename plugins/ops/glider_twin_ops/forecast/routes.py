@@ -2,7 +2,7 @@
 
 Candidates are the fastest paths in the mean water and in single samples of it, moved to the least
 mean time over these samples (`route_search`). A second set of samples, independent of the search,
-gives each path's times and the choice: a path must seldom be slower than the straight one. The twin
+gives each path's times. The chosen path must seldom be slower than the straight path. The twin
 flies the best three and the straight path. The water is the current of a region, mean over the
 depths of the dives, with samples of its error.
 """
@@ -39,10 +39,10 @@ from twin.water.current import Current, sample_track
 PITCHES = (18.0, 22.0, 26.0, 30.0, 35.0)
 """[degree] Pitches of the polar"""
 BEYOND, POLAR_HOURS = 60_000.0, 12.0
-"""[m] Distance of the place to which the polar is flown, and [h] flight time: no glider arrives"""
+"""[m] Distance of the target of flights for the polar, and [h] their time: no glider arrives"""
 DRAWS, BEST = 48, 3
-"""Number of samples of the water beside the mean, for the search and again for the judgement; and
-number of paths that are flown beside the straight one"""
+"""Number of samples of the water besides the mean, for the search and again for the judgement; and
+number of paths that are flown besides the straight path"""
 SLOWER, SELDOM, OFTEN = 1.02, 0.05, 0.5
 """[1] Time over the straight path's that counts as slower, largest fraction of samples in which a
 path may be slower, and fraction without arrival above which no path is recommended"""
@@ -64,11 +64,11 @@ class Route:
     places: tuple[tuple[float, float], ...]
     """Latitude, longitude [degree] of corners and last place, without the start"""
     hours: Array
-    """[h] time in each sample of the water that judges, (draw,)"""
+    """[h] Time in each sample of the water for the judgement, (draw,)"""
     gain: Array
     """[1] fraction of the straight path's time that this path saves, (draw,)"""
     known_hours: float
-    """[h] time for which the water is known"""
+    """[h] Time for which the water is known"""
     flown: Array = dataclasses.field(default_factory=lambda: np.empty(0))
     """[h] time of each member that the twin flew; NaN: no arrival, (member,)"""
     flown_hours: float = 0.0
@@ -81,7 +81,7 @@ class Route:
 
     @property
     def missed(self) -> float:
-        """[1] Fraction of the flights without arrival; 0 where the flight time was too short."""
+        """[1] Fraction of the flights without arrival; 0 if the flight time was too short."""
         if not len(self.flown) or np.quantile(self.hours, NINETY[1]) > self.flown_hours:
             return 0.0
         return float(np.mean(~np.isfinite(self.flown)))
@@ -130,7 +130,7 @@ class Route:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RoutePlan:
-    """Straight path and the best others; `best` is the recommended one."""
+    """Straight path and the best other paths; `best` is the recommended path."""
 
     routes: tuple[Route, ...]
     """Straight path first, then by mean time"""
@@ -244,7 +244,7 @@ def plan_routes(
       say: called with the name of each step.
 
     Raises:
-      InputError: the current is not known there, a place lies in a polygon, too many vias.
+      InputError: the current is unknown in the region, a place lies in a polygon, too many vias.
       CurrentError: the field ends too early.
     """
     if len(vias) > MOST_VIAS:
@@ -333,8 +333,8 @@ def timed_ways(
 
 
 def chosen(straight: Array, times: Sequence[Array]) -> int:
-    """Index of the recommended path: least mean time of the paths that are seldom slower than the
-    straight one; of all paths where each is often slower.
+    """Index of the recommended path: the least mean time among paths that are seldom slower than
+    the straight path, or among all paths if each is often slower.
 
     Args:
       straight: [s] times of the straight path, allowed or not, (draw,).
@@ -350,8 +350,8 @@ def route_water(
     """Samples of the water around places.
 
     Args:
-      request: with the field, the mission's depths, and the number of members.
-      known: state by the logs, used where there is no field.
+      request: request with the field, the mission's depths, and the number of members.
+      known: state by the logs, used if there is no field.
       points: [m] north, east of start, targets and vias, (point, 2). hours: [h] to cover.
 
     Raises:
@@ -399,7 +399,7 @@ def _covered(field: Current, seconds: float, request: Request) -> tuple[Array, A
     for part in getattr(field, "parts", (field,)):
         box = part.load(seconds, place)[0] if isinstance(part, Grid) else None
         if box is None or not np.isfinite(box.latitude).all():
-            continue  # a file of one column holds everywhere
+            continue  # a file of one water column covers every place
         south_west, north_east = (
             to_tangent_plane(float(box.latitude[k]), float(box.longitude[k]) + origin[1], *origin)
             for k in (0, -1)

@@ -44,7 +44,7 @@ KWH = 3.6e6
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Forecast:
-    """Forecast by the members flown so far; the last one of a request is of all members."""
+    """Forecast by the members flown so far; a request's last forecast has all members."""
 
     request: Request
     surfacings: tuple[Surfacing, ...]
@@ -53,7 +53,7 @@ class Forecast:
     failed: int
     """Number of members whose flight became unstable."""
     track: Array
-    """Longitude, latitude [degree] of the first member, the mean of what is known, (point, 2)."""
+    """Longitude, latitude [degree] of the first member, which has all mean values, (point, 2)."""
     spread: dict[str, str]
     """Sampled quantities and their standard deviations, in words."""
     power_w: float
@@ -63,7 +63,7 @@ class Forecast:
     left_out: str = ""
     """Reason why a surfacing within the hours is not reported; empty: none is left out."""
     over_s: float | None = None
-    """[s] Median time after the start at which the mission is over; None: it goes on."""
+    """[s] Median time after the start at which the mission ends; None: it continues."""
     beside_mujoco: EndsApart | None = None
     """Difference between lanes and MuJoCo for the first member; None until all are flown."""
 
@@ -98,7 +98,7 @@ class Forecast:
 
     @property
     def days_left(self) -> float | None:
-        """[d] Time until the batteries are empty at this power; None without their energy."""
+        """[d] Time until the batteries are empty at this power; None if their energy is unknown."""
         if self.request.energy_left_kwh is None or self.power_w <= 0.0:
             return None
         return self.request.energy_left_kwh * KWH / self.power_w / DAY
@@ -139,7 +139,7 @@ class Forecast:
         return degrees(np.array(points).reshape(-1, 2), place)
 
     def describe(self) -> dict[str, Any]:
-        """Figures as `--json` prints them."""
+        """Numbers as `--json` prints them."""
         request, place, beside = self.request, self.request.place, self.beside_mujoco
         same = ("flown", "failed", "spread", "left_out", "over_s", "remarks", "bounds_known")
         return {
@@ -208,10 +208,10 @@ def forecast(
     Args:
       known: state at the time of the start (`begun`).
       threads: number of threads of the fleets; 0 takes every core.
-      refined: called with the forecast so far, first of the first member, then after each fleet.
+      refined: called with the forecast so far, after the first member and after each fleet.
 
     Raises:
-      InputError and its kinds: the request cannot be flown.
+      InputError and its subclasses: the request cannot be flown.
       TwinError: the flights of all members became unstable.
     """
     members = members_of(request, known)

@@ -357,7 +357,7 @@ class Scores:
         return tuple(n for n, count in self.segments_of.items() if 0 < count < self.segments)
 
     def describe(self) -> dict[str, object]:
-        """Figures as `--json` prints them, with units in the names."""
+        """Numbers as `--json` prints them, with units in the names."""
         return {
             "segments": self.segments,
             "mean_m_per_h": self.mean,
@@ -410,7 +410,7 @@ def bootstrap(
     figure: Callable[[NDArray[np.intp]], float],
     interval: tuple[float, float] = INTERVAL,
 ) -> tuple[float, float]:
-    """Bootstrap interval of a figure, by blocks of neighbours within each deployment.
+    """Bootstrap interval of a number, by blocks of neighbours within each deployment.
 
     Args:
       counts: number of surfacings of each deployment, which follow each other.

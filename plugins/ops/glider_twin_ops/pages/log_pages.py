@@ -104,7 +104,7 @@ def _health_of(page: Page, one: DeploymentHealth, said: Answers | None, whole: b
 
 
 def kind_facts(kind: KindVerdict) -> dict[str, object]:
-    """Facts on a kind of fault from the dives, by their names."""
+    """Facts on a type of fault from the dives, by their names."""
     unit = "" if kind.unit == "1" else f" {kind.unit}"
     return {
         "probability": format_number(kind.probability, 3),

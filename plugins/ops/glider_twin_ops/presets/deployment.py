@@ -108,7 +108,7 @@ class DeploymentDraw:
 
     @property
     def kind(self) -> str:
-        """Kind of the fault; `none` without one."""
+        """Type of the fault; `none` without one."""
         return "none" if self.fault is None else self.fault.kind
 
 
@@ -119,13 +119,13 @@ def _stream(seed: int, *key: int) -> np.random.SeedSequence:
 def fault_kinds(
     vehicle: Vehicle, wanted: Sequence[str] = (), preset: str = "faulty"
 ) -> tuple[str, ...]:
-    """Kinds of faults that a vehicle's deployments sample.
+    """Types of faults that a vehicle's deployments sample.
 
     Args:
-      wanted: kinds to sample; default: all that the vehicle can have.
+      wanted: types to sample; default: all that the vehicle can have.
 
     Raises:
-      InputError: the vehicle cannot have a wanted kind.
+      InputError: the vehicle cannot have a wanted type.
     """
     without = NOT_DRAWN[preset.removesuffix("-satellite")]
     possible = tuple(name for name in faults_of(vehicle) if name not in without)
@@ -146,7 +146,7 @@ class DeploymentPlan:
     preset: str = "faulty"
     seed: int = 0
     kinds: tuple[str, ...] = ()
-    """Kinds of faults that are sampled; () means all that the vehicle can have"""
+    """Types of faults that are sampled; () means all that the vehicle can have"""
     size: float | None = None
     """Size of every fault; None samples it"""
 

@@ -3,7 +3,7 @@
     make_deployments("faulty.zarr", vehicle="slocum-200", hours=2000.0, seed=3)
 
 The store has the form that `factory import` writes, so that every reader of logs reads it. Its
-dimension `deployment` holds each fault's kind, first dive and size.
+dimension `deployment` holds each fault's type, first dive and size.
 """
 
 from __future__ import annotations
@@ -62,9 +62,9 @@ FAULT_KIND, FAULT_ONSET, FAULT_SIZE = "fault_kind", "fault_onset_dive", "fault_s
 LABELS, NAME = "fault_labels", "deployment_name"
 """Variables: JSON of each deployment's fault with all settings; the deployment's name"""
 HEALTHY = "none"
-"""Kind of fault of a deployment without one"""
+"""Type of fault of a deployment without one"""
 KIND = "simulated"
-"""Kind of log in the store"""
+"""Type of log in the store"""
 
 
 class MadeDeployments(NamedTuple):
@@ -96,8 +96,8 @@ def make_deployments(
     Args:
       hours: [h] least duration of all deployments together; or `count`, their number. An even
         number is made, of which exactly half have a fault.
-      kinds: kinds of faults that are sampled, by default all that the vehicle can have.
-      size: size of the faults, by default sampled from their kind's range.
+      kinds: types of faults that are sampled, by default all that the vehicle can have.
+      size: size of the faults, by default sampled from their type's range.
       watch: called with the hours that are done, which add up to `hours` where that is given.
 
     Raises:

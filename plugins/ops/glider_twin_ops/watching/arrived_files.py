@@ -1,8 +1,8 @@
 """Arrived files: names and contents of the files in a source folder at one moment.
 
 A digest covers everything that an import reads: logs, metadata files, lists of sensors, a mapping,
-settings and the reader's version. Content that lies under two names counts once, under the shorter
-name, so that a copy changes nothing.
+settings and the reader's version. If two files have the same content, the file with the shorter
+name counts, so that a copy does not change the digest.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ FILES, CACHE, MAPPING = "files", "cache", "mapping"
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ArrivedFiles:
-    """Log files of one kind in a source folder, and everything else that their import reads."""
+    """Log files of one type in a source folder, and everything else that their import reads."""
 
     source: Source
     kind: str
-    """Kind of the logs; empty where no file reveals it"""
+    """Type of the logs; empty where no file reveals it"""
     places: dict[str, Path]
     """Path of each file in the source, by its path in a copy"""
     sums: dict[str, str]
@@ -46,7 +46,7 @@ class ArrivedFiles:
     refused: dict[str, str]
     """Reason why a file could not be read to its end, by the file's path"""
     missing: str = ""
-    """Reason why nothing can be imported; empty where something can"""
+    """Reason why nothing can be imported; empty if there are files to import"""
     reading: str = ""
     """Settings and reader's code on which the import also depends"""
 
@@ -85,7 +85,7 @@ def folder_of(deployment: WatchedDeployment) -> Path:
 def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
     """List the files that the deployment's source holds now; fetch a server's newest days first.
 
-    Where a server does not answer, its earlier files stay, and `refused` names the source.
+    If a server does not answer, the files fetched earlier stay, and `refused` names the source.
 
     Raises:
       InputError: the source is a file.
@@ -133,7 +133,7 @@ def arrived(deployment: WatchedDeployment) -> ArrivedFiles:
 
 
 def _missing(deployment: WatchedDeployment, source: Path, names: Sequence[str], kind: str) -> str:
-    """Say why there is nothing to import."""
+    """Reason why there is nothing to import."""
     if not source.exists():
         return f"the source {source} is not there"
     if names:
@@ -150,7 +150,7 @@ def _missing(deployment: WatchedDeployment, source: Path, names: Sequence[str], 
 
 
 def kind_of(deployment: WatchedDeployment) -> str:
-    """Kind of a deployment's logs, by its settings or by the files there now; empty if unknown."""
+    """Type of a deployment's logs, by its settings or by the files there now; empty if unknown."""
     if deployment.kind != AUTO:
         return deployment.kind
     source = folder_of(deployment)
@@ -167,7 +167,7 @@ def _names(source: Path, *, recursive: bool) -> list[str]:
 
 
 def _kind_of(source: Path, names: Sequence[str]) -> str:
-    """Kind of the first file whose kind is recognised; empty where none is."""
+    """Type of the first file whose type is recognised; empty where none is."""
     for path in (source / name for name in names):
         try:
             if path.stat().st_size and (kind := sniff(path)) is not None:
@@ -175,12 +175,12 @@ def _kind_of(source: Path, names: Sequence[str]) -> str:
         except OF_THE_MACHINE:
             raise
         except Exception:
-            continue  # a cut file may hide its kind, which another one may show
+            continue  # the type of a cut file may be hidden; another file may show it
     return ""
 
 
 def _sums(places: dict[str, Path], refused: dict[str, str]) -> dict[str, str]:
-    """SHA-256 of each readable file; `refused` gets the reason for each other one."""
+    """SHA-256 of each readable file; `refused` gets the reason for each other file."""
     sums = {}
     for name, path in places.items():
         try:

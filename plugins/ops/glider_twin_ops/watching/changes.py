@@ -1,7 +1,7 @@
-"""Changes: sentences on a vehicle's channels of health, and on what differs from the page before.
+"""Changes: sentences on a vehicle's channels of health, and on changes since the page before.
 
-A sentence has the unit that people speak in: "in dives it sinks 1.2 % faster than identified", not
-the channel's own number.
+A sentence has a value and unit that a pilot understands, such as "in dives it sinks 1.2 % faster
+than identified", instead of the channel's level.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from twin.records import unix_seconds
 from twin.records.coordinates import utc_minute
 
 MOVED, MINUTE = 2.0, 60.0
-"""Standard deviations by which a level must move to be reported; [s]"""
+"""Standard deviations by which a level must move to be reported; [s] length of a minute"""
 UNKNOWN = 20.0
 """Ratio of a level's standard deviation to the channel's noise, above which the level is unknown"""
 
@@ -34,14 +34,14 @@ class Phrase(NamedTuple):
     form: str
     """Text with `{}` for the value, and `{model}` for the flight model that judged"""
     unit: str
-    """Text behind the value; behind the size of a negative value where `below` is given"""
+    """Text behind the value, or behind the size of a negative value if `below` is given"""
     below: str = ""
     number: Callable[[float], float] = float
     """Function from the level to the value"""
 
 
 def _faster(level: float) -> float:
-    """Convert a level, 1 less the model's rate over the log's, to the log's excess [%]."""
+    """Convert a level, 1 minus the ratio of model's to log's rate, to the log's excess [%]."""
     return 100.0 * (1.0 / max(1.0 - level, 1e-3) - 1.0)
 
 
@@ -80,7 +80,7 @@ NOISES = {one.name: one.noise for one in CHANNELS}
 
 
 def model_of(now: Morning) -> str:
-    """Name of the flight model that judged, as sentences have it behind "than"."""
+    """Name of the flight model, as in sentences after "than"."""
     if now.vehicle is None:
         return "its model"
     return "identified" if identified(now.vehicle) else f"the flight model of {now.vehicle.name}"
@@ -99,8 +99,8 @@ def _value(phrase: Phrase, text: str) -> str:
 
 
 def in_words(name: str, level: float, deviation: float, model: str) -> str:
-    """Sentence on a channel's level, to the digit that its standard deviation leaves; empty where
-    the level is unknown."""
+    """Sentence on a channel's level, rounded by its standard deviation; empty if the level is
+    unknown."""
     phrase = PHRASES[name]
     if not (math.isfinite(level) and 0.0 < deviation < UNKNOWN * NOISES[name]):
         return ""
@@ -193,7 +193,7 @@ def _moved(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
 
 
 def surfaced(foretold: Mapping[str, Any] | None, legs: Sequence[LoggedLeg]) -> list[str]:
-    """Compare a page's forecast surfacings with those that came, in order, however far apart.
+    """Compare a page's forecast surfacings with the actual surfacings, in order, however far apart.
 
     Args:
       foretold: the forecast in `latest.json`; None without one.
@@ -207,7 +207,7 @@ def surfaced(foretold: Mapping[str, Any] | None, legs: Sequence[LoggedLeg]) -> l
 
 
 def _beside(told: Mapping[str, Any], leg: LoggedLeg) -> str:
-    """Compare one forecast surfacing with the one that came."""
+    """Compare one forecast surfacing with the actual surfacing."""
     latitude, longitude = leg.end
     place = told["latitude"], told["longitude"]
     away = great_circle(latitude, longitude, *place)

@@ -31,12 +31,12 @@ from twin.water.current import check_field
 
 SETTINGS = "deployment.toml"
 AUTO = "auto"
-"""Value of `kind` that leaves the kind of log to the look of the files"""
+"""Value of `kind` by which the type of log is recognised from the files"""
 FIRST_LINE = "# Written by `twin watch --new`. Edit it: the next pass takes it as it is then.\n"
 
 
 def _key(default: Any, says: str) -> Any:
-    """Field that is a key of the file, with its comment; an empty text or 0 leaves it open."""
+    """Field that is a key of the file, with the comment `says`; empty text or 0: not given."""
     return dataclasses.field(default=default, metadata={"says": says})
 
 
@@ -111,7 +111,7 @@ class WatchedDeployment:
             self.own_vehicle()
             check_members(self.members)
             check_hours(self.hours)
-            if self.goto:  # depth and pitch stand in for those of dives to come
+            if self.goto:  # check with usual depth and pitch: those of the dives are not known yet
                 deep, every = self.depth_m or 100.0, 3600.0 * (self.surface_every_h or 3.0)
                 usual = {"pitch_deg": 26.0, "radius": 500.0}
                 mission_to(self.goto, depth=deep, surface_after_s=every, **usual)
@@ -134,7 +134,7 @@ class WatchedDeployment:
         return load_vehicle(path if path.is_file() else self.vehicle)
 
     def vehicle_of(self, log: Path) -> Vehicle:
-        """Vehicle of the settings, or else the shipped vehicle for the kind of a log."""
+        """Vehicle of the settings, or else the shipped vehicle for the type of a log."""
         return self.own_vehicle() or start_vehicle(log)
 
     @property

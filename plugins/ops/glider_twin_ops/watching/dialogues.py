@@ -46,7 +46,7 @@ def read_dialogues(paths: Sequence[Path]) -> list[SurfaceDialogue]:
 
 
 def last_text(path: Path) -> str:
-    """The last `MOST` bytes of a log as text; empty where it cannot be read now."""
+    """Last `MOST` bytes of a log as text; empty if the log cannot be read now."""
     try:
         check_regular(path)
         with path.open("rb") as file:
@@ -89,7 +89,7 @@ def _surfacing(text: str) -> SurfaceDialogue | None:
 
 
 def _number(word: str) -> float | None:
-    """Convert a word to a number; None where it is none."""
+    """Convert a word to a number; None if the word is no number."""
     try:
         return float(word)
     except ValueError:
@@ -98,7 +98,7 @@ def _number(word: str) -> float | None:
 
 def _place(*words: str) -> tuple[float, float] | None:
     """Latitude and longitude [degree] of words such as -11741.800, degrees and minutes in one
-    number; None where they are no place."""
+    number; None if the words are no place."""
     values = [value for value in map(_number, words) if value is not None]
     if len(values) < len(words):
         return None
@@ -107,7 +107,7 @@ def _place(*words: str) -> tuple[float, float] | None:
 
 
 def _clock(text: str, forms: Sequence[str]) -> float | None:
-    """[s] unix of a UTC time in the first form that fits; None where none does."""
+    """[s] Unix time of a UTC time in the first form that fits; None if no form fits."""
     for form in forms:
         try:
             moment = datetime.datetime.strptime(text, form)
@@ -123,7 +123,7 @@ COUNTERS = re.compile(r"^(-?\d+(?::-?[\d.]+){3,})(?: (.*))?$", re.MULTILINE)
 CALL_FIX = re.compile(r"GPS,(\d{6}),(\d{6}),(-?[\d.]+),(-?[\d.]+),(?:-?[\d.]+,(-?[\d.]+),)?")
 """Pattern of a fix; group 5 is the dilution of precision, behind the seconds to the first fix"""
 NO_DILUTION = 99.0
-"""Dilution from which there was no fix: receivers then write 99 or 99.9"""
+"""Least dilution that means no fix: receivers without a fix write 99 or 99.9"""
 CODES = {
     "dive ended by": re.compile(r"^EOP_CODE=(\w+)", re.MULTILINE),
     "stays up by": re.compile(r"^RECOV_CODE=(\w+)", re.MULTILINE),
@@ -135,9 +135,9 @@ FIRST = {"dive": (0, ""), "reboots": (5, ""), "pitch": (10, "degree"), "depth": 
 BEHIND = {16: 12, 17: 13, 20: 13}
 """Place of the first voltage, by the number of counters in the line"""
 UNITS = {"battery_10V": "V", "battery_24V": "V", "internal_pressure": "psi", "humidity": "%"}
-"""Values from that place on, in order, with their units"""
+"""Values from the place in BEHIND on, in order, with their units"""
 CLOCKS = ("%Y-%m-%dT%H:%M:%SZ", "%a %b %d %H:%M:%S UTC %Y", "%a %b %d %H:%M:%S GMT %Y")
-"""Forms of a base station's time; where none fits, as in another zone, the fix gives the time"""
+"""Forms of a base station's time; if no form fits, as in another zone, the fix gives the time"""
 
 
 def read_calls(paths: Sequence[Path]) -> list[SurfaceDialogue]:

@@ -36,7 +36,7 @@ REPORTED = {
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DiveRow:
-    """One dive; NaN where the log does not have it."""
+    """One dive; NaN for a value that the log does not have."""
 
     number: int
     begin: float
@@ -45,11 +45,11 @@ class DiveRow:
     depth: float
     """[m] Greatest depth"""
     yos: int
-    """Number of descents that a climb follows"""
+    """Number of descents that are followed by a climb"""
     km: float
     """[km] Distance over ground from fix to fix"""
     speed: float
-    """[m/s] That distance over the dive's duration"""
+    """[m/s] Distance over ground divided by the dive's duration"""
     course: float
     """[degree] Course over ground"""
     current: tuple[float, float]
@@ -83,7 +83,7 @@ def _cell(value: float, form: str) -> str:
 
 
 def polar(north: float, east: float) -> tuple[float, float]:
-    """Size of a vector, and the course [degree] that it points to, below 359.5."""
+    """Size and course [degree] of a vector; a course of 359.5 or more becomes 0."""
     course = math.degrees(math.atan2(east, north)) % 360.0
     return math.hypot(north, east), 0.0 if course >= 359.5 else course  # no chart writes 360
 
@@ -94,8 +94,8 @@ def dive_rows(
     """Make the rows of the last dives, in order of time.
 
     Args:
-      rows: rows of the dives in the store. numbers: their numbers.
-      legs: legs of the deployment; a dive without one has no way and no current.
+      rows: rows of the dives in the store. numbers: the vehicle's numbers of these dives.
+      legs: legs of the deployment; a dive without a leg has no path and no current.
     """
     by_row = {one.mission: one.leg for one in legs}
     durations, found = logs.number(DIVE_DURATION), []

@@ -1,7 +1,7 @@
 """Energy outlook: days left for the plan and for changes of it, and the last day to turn home.
 
-The plan's power continues that of the dives so far. The twin computes the power that a change adds:
-it flies plan and change in still water, with the consumption estimated from the deployment.
+The plan's power is the power of the dives so far. The twin computes the power that a change adds:
+it flies plan and changed plan in still water, with the consumption estimated from the deployment.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class WhatIf:
     days_90: tuple[float, float]
     between: str
     km_a_day: float | None
-    """[km/d] through the water; None where it is that of the plan"""
+    """[km/d] Distance through the water; None: as in the plan"""
 
     def row(self) -> dict[str, object]:
         """Row of the page's table."""
@@ -96,9 +96,9 @@ def energy_outlook(
     """Days left for plans, and the last day to turn home.
 
     Args:
-      found: forecast of the plan. used: energy used so far. lasts: endurance by that use.
+      found: forecast of the plan. used: energy used so far. lasts: endurance by `used`.
       legs: legs of the deployment. home: latitude, longitude [degree]; None where unknown.
-      guessed: True where no target is known, so that the vehicle goes on without end.
+      guessed: True if no target is known: then the vehicle never arrives.
     """
     missions, lacking = {"as it is": found.request.mission}, []
     for name, changed in _changes(found.request.mission).items():
@@ -178,8 +178,8 @@ def _turn_home(
 ) -> TurnHome:
     """Find, in every draw, the latest turn from which the energy left suffices to reach home.
 
-    The vehicle goes straight home in the mean current of the dives so far. For the error of that
-    mean, only dives two days apart count as independent.
+    The vehicle goes straight home in the mean current of the dives so far. For the error of the
+    mean, dives count as independent if they are two days apart.
     """
     place = found.request.place
     start = place.latitude_deg, place.longitude_deg

@@ -1,12 +1,12 @@
 """Expected plan: the last fix, the mission expected next, its arrival at a waypoint, and its files.
 
-`deployment.toml` names a mission file or places. Without either, the vehicle goes to the waypoint
-in its log, and without a waypoint on its last dive's course through the water. Depth, pitch and
-time between surfacings are then those of its last dives.
+`deployment.toml` names a mission file or places. Without either, the vehicle is expected to go to
+the waypoint in its log, or else to keep the course of its last dive through the water. Depth, pitch
+and time between surfacings are then those of its last dives.
 
 The plan is proposed as files that a pilot may send; nothing is sent. The project's reader reads the
-files back, and the twin flies the mission that it finds. Files of the same names in the source,
-which a dockserver or a base station keeps, are those flown now.
+files back, and the twin flies the mission found in them. Files of the same names in the source,
+which a dockserver or a base station keeps, are the files that the vehicle flies now.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class ExpectedPlan:
     mission: Mission
     words: str
     changes: tuple[Mapping[str, str], ...] = ()
-    """Rows of a table: what the last dives did, and what the plan asks"""
+    """Rows of a table: values of the last dives, and of the plan"""
     guessed: bool = False
     """True where no target is known: the ellipses hold only if the vehicle keeps its course"""
 
@@ -158,7 +158,7 @@ def newest_fix(logs: LogStore, rows: Sequence[int]) -> LastFix | None:
 
 
 class Arrival(NamedTuple):
-    """Way from the last fix to the next waypoint, and the time of arrival there."""
+    """Leg from the last fix to the next waypoint, and the time of arrival there."""
 
     latitude: float
     """[degree]"""
@@ -168,15 +168,15 @@ class Arrival(NamedTuple):
     bearing: float
     """[degree] Bearing of the waypoint"""
     speed: float
-    """[m/s] Speed made good towards it, median of the members"""
+    """[m/s] Speed made good towards the waypoint, median of the members"""
     early: float
-    """[s] unix; 5 of 100 members are there"""
+    """[s] Unix time by which 5 of 100 members have arrived"""
     time: float
-    """[s] unix; half of the members are there; infinite where they never are"""
+    """[s] Unix time by which half of the members have arrived; infinite: never"""
     late: float
-    """[s] unix; 95 of 100 members are there; infinite where they never are"""
+    """[s] Unix time by which 95 of 100 members have arrived; infinite: never"""
     beyond: bool
-    """True where that is after the forecast, whose speed is then taken to go on"""
+    """True if `time` is after the forecast's end and was extrapolated at the speed made good"""
 
     def describe(self) -> dict[str, Any]:
         """Values for JSON; None for a time that never comes."""
@@ -227,7 +227,7 @@ NAMES = ("goto_l10.ma", "yo10.ma", "surfac10.ma", files.TARGETS, files.CMDFILE, 
 """Every name that a proposed file can have"""
 SLOCUM, SEAGLIDER = "slocum", "seaglider"
 WRITTEN = (SLOCUM, SEAGLIDER)
-"""Kinds of logs for which files are proposed"""
+"""Types of logs for which files are proposed"""
 UNWRITTEN = {
     "seaexplorer": "files of a SeaExplorer are not written: no public text says what its sea.msn "
     "holds, and its plans are made with its maker's program; set there what is said above",
@@ -239,7 +239,7 @@ READS_BACK = "".join(
 )
 """Mission file that reads argument files of number 10"""
 MOST_BYTES = 100_000
-"""[byte] Largest file in the source that is compared with a proposed one"""
+"""[byte] A larger file in the source is not compared with a proposed file"""
 
 
 class ProposedFiles(NamedTuple):
@@ -250,7 +250,7 @@ class ProposedFiles(NamedTuple):
     mission: Mission
     """Mission read back from the files, as the twin flies it"""
     changes: Mapping[str, str]
-    """`diff -u` of each file that also lies in the source; empty where both are equal"""
+    """`diff -u` of each file that the source also has; empty if both are equal"""
 
 
 def flown_files(folder: Path) -> dict[str, str]:
@@ -273,12 +273,12 @@ def proposed_files(
     """Write a plan as files for the vehicle.
 
     Args:
-      kind: kind of the logs, such as slocum.
+      kind: type of the logs, such as slocum.
       flown: texts of files that are flown now, by their names.
-      samples: fraction of the samples that a new science file keeps; 1: none is proposed.
+      samples: fraction of the samples that a new science file keeps; 1: no new science file.
 
     Raises:
-      MissionError: no files are written for this kind, or they cannot express the mission.
+      MissionError: no files are written for this type, or they cannot express the mission.
     """
     if kind not in WRITTEN:
         raise MissionError(UNWRITTEN.get(kind, UNWRITTEN[""].format(kind)))
@@ -307,7 +307,7 @@ def proposed_files(
 
 
 def _science(kind: str, flown: Mapping[str, str], samples: float, place: Path) -> str:
-    """Thin the science file that is flown now to a fraction of its samples."""
+    """Reduce the samples in the present science file to the fraction `samples`."""
     if kind != SEAGLIDER:
         raise MissionError(
             f"samples = {samples:g} in deployment.toml: a Seaglider alone has a science file that "

@@ -8,8 +8,8 @@ pitch sensor's zero cannot be separated. Candidates differ from the usual dive i
 volume, depth and course; the twin flies each without noise. The derivatives of its depth rates and
 of its displacement between fixes, with the noise of the vehicle's own dives, give its Fisher
 information (Kay 1993, Fundamentals of Statistical Signal Processing, 3.7). Dives are chosen one
-after another, so that the product of the standard deviations is smallest. Then each is chosen anew
-beside the others (Fedorov's exchange: Cook and Nachtsheim, Technometrics 22, 1980).
+after another, so that the product of the standard deviations is smallest. Then each dive is chosen
+again, given the others (Fedorov's exchange: Cook and Nachtsheim, Technometrics 22, 1980).
 
 The dives' files lie in `learn/1`, `learn/2` ... of the deployment's folder. `dive.txt` beside them
 says how the dive differs and how the twin flies exactly these files. Nothing is sent.
@@ -79,7 +79,7 @@ class Manoeuvre:
 
     dive: TypicalDive
     turn_deg: float
-    """Turn of its course from the usual one, to starboard"""
+    """Course minus the usual course, to starboard"""
     seconds: float = 0.0
     """Duration of the twin's flight; 0 before it is flown"""
 
@@ -134,7 +134,7 @@ class MostTelling:
 
     @property
     def shrinks(self) -> tuple[float, float]:
-        """Geometric mean ratio of standard deviations to those now, after usual and these dives."""
+        """Geometric means of the ratios of `ordinary` and of `after` to `before`."""
         usual, these = (np.log(each / self.before) for each in (self.ordinary, self.after))
         return float(np.exp(np.mean(usual))), float(np.exp(np.mean(these)))
 
@@ -169,7 +169,7 @@ def most_telling(
 
     Args:
       calibration: calibration of the vehicle.
-      usual: dive that the vehicle makes otherwise, and made last.
+      usual: the vehicle's usual dive, as flown last.
       information: information so far, as `information_of` returns it.
       noise: noise of the vehicle's dives, by channel.
       course_deg: true course of the usual dives.
@@ -241,7 +241,7 @@ def flown_logs(calibration: Calibration, dives: Sequence[TypicalDive]) -> list[L
             lanes.append(Lane(scenario, until_flown=True))
             places.append(k)
         except MissionError:
-            continue  # a pitch or a volume that this vehicle does not reach
+            continue  # the vehicle does not reach this pitch or volume
     found: list[Log | None] = [None] * len(dives)
     for k, flown in flown_abreast(lanes):
         if isinstance(flown, Trajectory):

@@ -52,7 +52,7 @@ class LogOfFiles:
     """True where the store was written"""
     files: int
     kind: str
-    """Kind of the logs; empty where no file reveals it"""
+    """Type of the logs; empty where no file reveals it"""
     unreadable: tuple[str, ...]
     """Reason for each file that was left out"""
     short: tuple[str, ...] = ()
@@ -134,7 +134,7 @@ def _imported(deployment: WatchedDeployment, found: ArrivedFiles, place: Path) -
     """Import the copies in a folder into a data set without paths and without the time of import.
 
     Raises:
-      InputError: the import's own, or a setting that is for logs of other kinds.
+      InputError: the import's own, or a setting that is for logs of other types.
     """
     importer = IMPORTERS[found.kind]
     for name, takes in (("cache", importer.takes_cache), ("mapping", importer.takes_mapping)):

@@ -1,7 +1,7 @@
 """Morning: the daily report of a deployment: health, energy, currents and the next surfacings.
 
-A part that the log does not support is left out, with the reason. A log without fixes still has
-health; one without attitude has the currents that the vehicle reported; an empty folder has none.
+A section without support in the log is left out, with the reason. Health needs no fixes. Without
+attitude, the currents are those that the vehicle reported. An empty folder has no section.
 """
 
 from __future__ import annotations
@@ -67,14 +67,14 @@ KILO, HOUR = 1e3, 3600.0
 NEWER = 60.0
 """[s] Least time between two fixes of which one counts as newer"""
 FORECAST = "forecast"
-"""Name of the forecast; the reason for its absence comes first among what is missing"""
+"""Name of the forecast; if it is missing, its reason is the first in `Morning.missing`"""
 MOST_FOLLOWED = 30
-"""Number of last dives over which parameters are followed from the vehicle file's, 0.4 s each"""
+"""Last dives over which parameters are tracked, from the vehicle file's values; 0.4 s a dive"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Morning:
-    """Daily report. A part without support in the log is None or empty, and `lacking` says why."""
+    """Daily report. A section that the log does not support is empty or None, see `lacking`."""
 
     title: str
     """Name of the folder"""
@@ -98,7 +98,7 @@ class Morning:
     legs: tuple[LoggedLeg, ...] = ()
     """Legs between fixes, in order of time"""
     came_up: LastFix | None = None
-    """Newest fix after a dive of the log, also where the dive's path is unknown"""
+    """Newest fix after a dive of the log; the path of that dive may be unknown"""
     used: EnergyUse | None = None
     energy_left_kwh: float | None = None
     lasts: Endurance | None = None
@@ -117,7 +117,7 @@ class Morning:
     proposed: ProposedFiles | None = None
     """Files with the plan, where a pilot gave its places"""
     lacking: tuple[str, ...] = ()
-    """Reasons for missing parts, and what to do about them"""
+    """Reasons for missing sections, and remedies"""
 
     @property
     def verdict(self) -> str:
@@ -140,8 +140,8 @@ class Morning:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Sentences on all that is missing: the forecast first, then files cut or left out, then
-        other parts."""
+        """Sentences on all that is missing: the forecast, files cut or left out, other sections, in
+        this order."""
         first = self.lacking[:1] if self.surfacings is None else ()
         return tuple(dict.fromkeys([*first, *self.log.cut_or_left_out, *self.lacking]))
 
@@ -217,7 +217,7 @@ def morning(
     store = log.store
     lacking = [log.missing] if log.missing else []
 
-    def told(what: str, ask: Callable[[], Told]) -> Told | None:
+    def attempt(what: str, ask: Callable[[], Told]) -> Told | None:
         try:
             return ask()
         except TwinError as error:
@@ -258,14 +258,14 @@ def morning(
             f"that a thruster drove: the current is {(came_up.time - legs[-1].leg.end) / HOUR:.1f} "
             "h older than the last fix"
         )
-    vehicle = told("vehicle", lambda: deployment.vehicle_of(store))
-    tells: dict[str, Any] = {
+    vehicle = attempt("vehicle", lambda: deployment.vehicle_of(store))
+    sections: dict[str, Any] = {
         "title": title, "log": log, "deployment": name, "dives": dives, "legs": legs,
         "dialogue": dialogue, "came_up": came_up, "vehicle": vehicle, "table": table,
         "readings": readings,
     }  # fmt: skip
     if vehicle is None:
-        return Morning(**tells, lacking=tuple(lacking))
+        return Morning(**sections, lacking=tuple(lacking))
     if odd := other_kind(store, vehicle):
         lacking.append(odd.replace(str(store), store.name))
     if not identified(vehicle):
@@ -275,21 +275,21 @@ def morning(
             "attitude and pump, then vehicle in deployment.toml"
         )
     say("health")
-    found = told(
+    found = attempt(
         "health",
         lambda: assess(
             store, vehicle, false_alarm_days=deployment.false_alarm_days, deployments=[name]
         ),
     )
     say("parameters")
-    followed = told(
+    followed = attempt(
         "parameters",
         lambda: follow_parameters(
             load_logs(store, rows[-MOST_FOLLOWED:]), load_calibration(vehicle)
         ),
     )
     by_row = dict(zip(rows, dives, strict=True))
-    used = told("energy", lambda: counted_energy(store, vehicle, newest=True))
+    used = attempt("energy", lambda: counted_energy(store, vehicle, newest=True))
     left = None
     if used is None:
         lacking.append("energy: the log has no counter of charge with a voltage")
@@ -298,7 +298,7 @@ def morning(
     else:
         left = deployment.energy_kwh - used.charge * used.voltage / KILO
     lasts = None if used is None or left is None else endurance_of(used, left)
-    tells |= {
+    sections |= {
         "health": found[0] if found else None, "followed": followed,
         "followed_dives": tuple(by_row[row] for row in followed.rows) if followed else (),
         "used": used, "energy_left_kwh": left, "lasts": lasts,
@@ -307,33 +307,33 @@ def morning(
         lacking.insert(0, f"{FORECAST}: no dive lies between two fixes and has a known way")
     else:
         say("forecast")
-        takes = vehicle if used is None else with_consumption(vehicle, used.consumption)
-        expected = told(FORECAST, lambda: expected_plan(deployment, store, takes, legs))
+        metered = vehicle if used is None else with_consumption(vehicle, used.consumption)
+        expected = attempt(FORECAST, lambda: expected_plan(deployment, store, metered, legs))
         if expected is not None and deployment.goto:
             plan_of, now = expected.mission, flown_files(folder_of(deployment))
-            files = tells["proposed"] = told(
+            files = sections["proposed"] = attempt(
                 "proposal",
-                lambda: proposed_files(source, plan_of, takes, now, deployment.samples),
+                lambda: proposed_files(source, plan_of, metered, now, deployment.samples),
             )
             if files is not None:
                 expected = dataclasses.replace(expected, mission=files.mission)
-        fix = Morning(**tells).last_fix
-        answer = None if expected is None or fix is None else told(
-            FORECAST, lambda: _forecast(deployment, store, takes, left, fix, expected)
+        fix = Morning(**sections).last_fix
+        answer = None if expected is None or fix is None else attempt(
+            FORECAST, lambda: _forecast(deployment, store, metered, left, fix, expected)
         )  # fmt: skip
         if expected is not None and answer is not None:
-            tells["surfacings"], tells["plan"], water = answer
-            tells["changes"] = expected.changes
-            tells["arrival"] = None if expected.guessed else arrival(answer[0])
+            sections["surfacings"], sections["plan"], water = answer
+            sections["changes"] = expected.changes
+            sections["arrival"] = None if expected.guessed else arrival(answer[0])
             if deployment.goto:
                 say("routes")
-                asked, (first, *_) = answer[0].request, answer[0].request.mission.segments
+                request, (first, *_) = answer[0].request, answer[0].request.mission.segments
                 assert isinstance(first, Waypoint)
                 nearest = dataclasses.replace(first, targets=first.targets[:1])
-                mission = dataclasses.replace(asked.mission, segments=(nearest,))
-                asked = dataclasses.replace(asked, mission=mission)
-                tells["routes"] = told(  # only `twin route` flies them, too
-                    "routes", lambda: plan_routes(asked, water, fly_them=False, say=say)
+                mission = dataclasses.replace(request.mission, segments=(nearest,))
+                request = dataclasses.replace(request, mission=mission)
+                sections["routes"] = attempt(  # planned only: `twin route` flies its routes too
+                    "routes", lambda: plan_routes(request, water, fly_them=False, say=say)
                 )
             if expected.guessed:
                 lacking.append(
@@ -342,14 +342,14 @@ def morning(
                 )
             if used is not None and lasts is not None:
                 say("endurance")
-                outlook = tells["outlook"] = told(
+                outlook = sections["outlook"] = attempt(
                     "endurance",
                     lambda: energy_outlook(
                         answer[0], used, lasts, legs, deployment.harbour, guessed=expected.guessed
                     ),
                 )
                 lacking += () if outlook is None else outlook.lacking
-    return Morning(**tells, lacking=tuple(lacking))
+    return Morning(**sections, lacking=tuple(lacking))
 
 
 def _forecast(
@@ -360,7 +360,7 @@ def _forecast(
     fix: LastFix,
     plan: ExpectedPlan,
 ) -> tuple[Forecast, str, Known]:
-    """Forecast the next surfacings from the last fix; also return the plan in words and water."""
+    """Forecast the next surfacings; return the forecast, the plan in words, the known currents."""
     begin = utc_text(moment_of(float(round(fix.time))))
     place, water, stale = begun(
         Origin(latitude_deg=fix.latitude, longitude_deg=fix.longitude, time=begin),

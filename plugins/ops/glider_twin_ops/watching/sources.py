@@ -1,7 +1,7 @@
 """Sources: the places that logs come from, and the surface dialogues that come with them.
 
 A data set of an ERDDAP server comes as one table for each UTC day. The newest days are fetched at
-every pass, an older day once; take its file away, and the next pass fetches it again. The server
+every pass, an older day once, or again after its file was removed. The server
 sends comma-separated text whose header has names and units (`.csvp`), so that a mapping names
 columns such as `time (UTC)`. The package erddapy makes addresses and constraints.
 """
@@ -29,13 +29,13 @@ from twin.records import whole_file
 from twin.registry import Registry
 
 NEWEST = 3
-"""Number of last days that every pass fetches, because rows of them may still come"""
+"""Number of last days that every pass fetches, because the server may still get their rows"""
 PATIENCE = 60.0
 """[s] Longest wait for a server's answer"""
 MOST = 200 * 2**20
-"""[byte] Largest table of a day; a hundred columns at 1 Hz need less"""
+"""[byte] Limit of a day's table; a hundred columns at 1 Hz need less"""
 LONGEST = 1500
-"""[d] Longest data set: no vehicle has been at sea for longer"""
+"""[d] Limit of a data set's duration: no vehicle has been at sea for longer"""
 NOTHING = 404
 """HTTP status of an answer without rows"""
 EMPTY = ".none"
@@ -58,7 +58,7 @@ class SurfaceDialogue:
     why: str
     """Reason of the surfacing in the vehicle's words; empty without one"""
     aborts: int | None
-    """Number of aborts since its reset; None where it is not sent"""
+    """Number of aborts since the vehicle's reset; None if the vehicle does not send it"""
 
     def facts(self) -> dict[str, str]:
         """Names and values for a page."""
@@ -74,20 +74,20 @@ Dialogues = Callable[[Sequence[Path]], list[SurfaceDialogue]]
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Source:
-    """Source of files; documents show all fields but those that name functions."""
+    """Source of files; documents show all fields except names of functions."""
 
     name: str
     """Name, such as slocum"""
     says: str
     """Files that arrive, in a few words"""
     logs: tuple[str, ...]
-    """Kinds of its logs, as `factory import` names them"""
+    """Types of the source's logs, as named by `factory import`"""
     joins: bool = False
-    """True where all its logs are one deployment; `factory import` makes a deployment of each"""
+    """True if all logs are one deployment, although `factory import` makes a deployment of each"""
     dialogues: str = ""
     """Pattern of the names of files with dialogues; empty: there are none"""
     read_dialogues: str = ""
-    """Reader of these files, `module:function`; see `Dialogues`"""
+    """Reader of the files with dialogues, `module:function`; see `Dialogues`"""
     address: str = ""
     """Pattern of the addresses that stand for a folder; empty: the source is a folder"""
     fetch: str = ""
@@ -119,14 +119,14 @@ SOURCES: Registry[Source] = Registry(
     },
     objects=True,
 )
-"""Registry of sources, by name."""
+"""Types of source, by name."""
 
 
 def source_of(address: str, kind: str) -> Source:
-    """Find the source for an address, or for a folder with logs of a kind.
+    """Find the source for an address, or for a folder with logs of a type.
 
     Args:
-      kind: kind of the logs; empty: no file reveals it yet.
+      kind: type of the logs; empty: no file reveals it yet.
 
     Raises:
       InputError: no source brings such logs from there.
@@ -153,7 +153,7 @@ def newest_dialogue(
     """Read the newest surface dialogue in the files of a folder; None without any.
 
     Args:
-      kind: kind of the logs; empty: unknown, so that the dialogues of every source are read.
+      kind: type of the logs; empty: unknown, so that the dialogues of every source are read.
       until: latest time of a surfacing, UTC.
     """
     if not folder.is_dir():
@@ -235,7 +235,7 @@ def fetch_days(address: str, folder: Path) -> None:
 
     Args:
       address: https://SERVER/erddap/tabledap/DATASET.
-      folder: made where it is missing; its files are named DATASET-YYYY-MM-DD.csv.
+      folder: made if it is missing; its files are named DATASET-YYYY-MM-DD.csv.
 
     Raises:
       InputError: erddapy is not installed; the server does not answer, or gives no range of times.
@@ -267,7 +267,7 @@ def fetch_days(address: str, folder: Path) -> None:
 
 
 def _range(url: str, address: str) -> tuple[datetime.date, datetime.date]:
-    """First and last day of a data set, by the server's attributes of its variable time."""
+    """First and last day of a data set, by the attributes of its variable `time` on the server."""
     rows = csv.reader(io.StringIO(_answer(url, address).decode("utf-8", "replace")))
     spans = (row[-1] for row in rows if row[:3] == ["attribute", "time", "actual_range"])
     with contextlib.suppress(ValueError, OverflowError, OSError):
@@ -283,7 +283,7 @@ def _answer(url: str, address: str, *, lacking: bytes | None = None) -> bytes:
     """Fetch a server's answer.
 
     Args:
-      lacking: value returned where the server says that there are no rows.
+      lacking: value that is returned if the server says that there are no rows.
 
     Raises:
       InputError: no answer, an error, or too many bytes.
