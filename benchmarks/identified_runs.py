@@ -2,7 +2,6 @@
 
     python -m benchmarks.identified_runs [--vehicle remus] [--seeds 1,2] [--bags] [--dimensions]
                                          [--runs 4] [--json]
-    python -m benchmarks.identified_runs --sway sail.zarr
 
 Each seed makes an unknown vehicle. Every derivative of its hull law differs by up to 15 %, drag by
 -25 to +35 %, thrust by 15 %, fins by -25 to +30 % and 1.5 deg. Its centre of gravity is off by 1 mm
@@ -16,9 +15,6 @@ root mean square error of the determined parameters in stated standard deviation
 identification reads rosbag2 folders, written by ROS's own library and read by `factory import`.
 With `--dimensions` it starts from length, diameter, mass, fins and screw, without a file; the
 vehicle of these dimensions then replaces the shipped one.
-
-`--sway` is for a store of real runs with a Doppler log and gyroscopes, without controls. The steady
-sway per yaw rate is fitted to all deployments but one, and applied to that one.
 """
 
 from __future__ import annotations
@@ -31,7 +27,6 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from benchmarks import command
 from factory.importing import import_logs
@@ -43,7 +38,6 @@ from twin.identify.driven_fit import UNSURE, driven_parameters
 from twin.mission import Mission
 from twin.mission.segments import Circle, Transect
 from twin.physics.scenario import Scenario
-from twin.records.logged import log_rows
 from twin.records.mission_dataset import dataset_of
 from twin.records.reader import MissionStore
 from twin.records.store import write_store
@@ -244,45 +238,6 @@ def study(
     }
 
 
-MEAN = 2.0
-"""[s] Averaging time of sway and yaw rate"""
-SLOWEST = 0.3
-"""[m/s] Surge below which samples are left out"""
-
-
-def left_out_sway(path: str) -> None:
-    """Print the median absolute deviation of the sway, as measured and minus the sway that the law
-    of the other deployments predicts from the yaw rate."""
-    found: dict[str, list[Array]] = {}
-    with MissionStore(path) as store:
-        for row, dive in enumerate(log_rows(store)):
-            count, length = store.samples[row], round(MEAN / store.period)
-            surge, sway, rate = (
-                store.rows(f"measured_{name}", [row])[0, :count].astype(float)
-                for name in ("dvl_surge", "dvl_sway", "yaw_rate")
-            )
-            good = np.isfinite(surge + sway + rate) & (surge > SLOWEST)
-            for first in range(0, count - length, length):
-                part = slice(first, first + length)
-                if good[part].all():
-                    pair = np.array([np.mean(rate[part]), np.median(sway[part])])
-                    found.setdefault(dive.deployment, []).append(pair)
-    pairs = {name: np.array(values).T for name, values in found.items()}
-    for name, (rate, sway) in pairs.items():
-        others = [p for other, p in pairs.items() if other != name]
-        rates, sways = (np.concatenate([p[k] for p in others]) for k in (0, 1))
-        slope = float(least_squares(
-            lambda x, r=rates, s=sways: s - x[0] * r - x[1], np.zeros(2), loss="soft_l1",
-            f_scale=0.02,
-        ).x[0])  # fmt: skip
-        rest = sway - slope * rate
-        as_is, left = (float(np.median(np.abs(x - np.median(x)))) for x in (sway, rest))
-        print(
-            f"{name}: {len(sway)} pieces, sway {100 * as_is:.2f} cm/s, less the others' law "
-            f"({slope:.2f} m) {100 * left:.2f} cm/s"
-        )
-
-
 def main(
     *,
     vehicle: Literal["remus", "tethys"] = "remus",
@@ -291,18 +246,13 @@ def main(
     bags: bool = False,
     dimensions: bool = False,
     json: bool = False,
-    sway: str | None = None,
 ) -> None:
     """Print the errors of each vehicle.
 
     Args:
       bags: import the runs through rosbag2 folders.
       dimensions: start without a vehicle file.
-      sway: store of real runs, for the sway of their turns alone.
     """
-    if sway:
-        left_out_sway(sway)
-        return
     for seed in map(int, seeds.split(",")):
         with tempfile.TemporaryDirectory() as folder:
             found = study(vehicle, seed, runs, Path(folder), bags=bags, dimensions=dimensions)

@@ -24,6 +24,7 @@ IMPORTERS: Registry[Any] = Registry(
         "og1": "factory.importing.formats.base:OG1",
         "ngdac": "factory.importing.formats.base:NGDAC",
         "spray": "factory.importing.formats.base:SPRAY",
+        "pd0": "factory.importing.formats.base:PD0",
         "csv": "factory.importing.formats.base:CSV",
     },
     apart=dict.fromkeys(("lrauv", "mcap", "rosbag2", "ardusub", "dorado", "lsf"), PROTOCOLS),

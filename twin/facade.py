@@ -14,7 +14,7 @@ import numpy as np
 
 from twin.errors import InputError, SimulationUnstable
 from twin.faults.base import Fault, parse_faults, read_by
-from twin.mission import Mission
+from twin.mission import Mission, check_depth
 from twin.mission.controller import Controller, Schedule
 from twin.mission.shipped_missions import load_mission_for
 from twin.navigation.estimators.base import VelocityEstimator
@@ -130,6 +130,7 @@ def simulate(
         suite = scenario.navigate.suite
     if isinstance(scenario.mission, Mission):
         scenario.mission.check(scenario.vehicle)
+        check_depth(scenario.mission.deepest, scenario.vehicle)
     if suite is None:
         _refuse_unseen(scenario)
         if own:

@@ -2,9 +2,9 @@
 
     python -m benchmarks.real_logs FOLDER [--json] [--no-networks] [--only SECTION ...]
 
-from the root of the repository. FOLDER holds folders slocum_..., seaglider_..., seaexplorer_...
-with logs (`benchmarks.real_logs.source`); all that are there are scored. No method is tuned on the
-dives that it is scored on, except on their depth rate if speed is scored.
+from the root of the repository. FOLDER holds folders slocum_..., seaglider_..., seaexplorer_...,
+auv_... with logs (`benchmarks.real_logs.source`); all that are there are scored. No method is tuned
+on the dives that it is scored on, except on their depth rate if speed is scored.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ def main(
     only: tuple[str, ...] = tuple(run.SECTIONS),
     seed: int = 0,
     no_networks: bool = False,
+    work: Path | None = None,
     json: bool = False,
 ) -> None:
     """Import, identify, train, score and print.
@@ -44,6 +45,7 @@ def main(
       only: run these sections only; the other rows of --keep stay.
       seed: seed of the simulated missions and of the networks.
       no_networks: leave out the networks and the simulation that they are trained on.
+      work: folder that keeps the folds of the propelled section, which a later call reads.
     """
     for name in only:
         if name not in run.SECTIONS:
@@ -51,6 +53,7 @@ def main(
     begin = time.monotonic()
     rows = run.run_benchmark(
         folder, workers=workers, networks=not no_networks, seed=seed, only=only,
+        place=work,
         say=lambda text: print(text, file=sys.stderr, flush=True),
     )  # fmt: skip
     seconds = time.monotonic() - begin
@@ -65,8 +68,9 @@ def main(
     command.say(answer, *lines, json=json, digits=3)
     if keep is not None:
         measured = {task for name in only for task in run.SECTIONS[name]}
+        measured |= {row.task for row in rows}  # skipped folders, where they were read
         others = kept(keep) if only != tuple(run.SECTIONS) and keep.exists() else []
-        stay = [row for row in others if row.task not in {*measured, "skipped"}]
+        stay = [row for row in others if row.task not in measured]
         write(sorted([*rows, *stay], key=lambda row: run.TASKS.index(row.task)), keep)
 
 

@@ -26,13 +26,18 @@ FIGURES = Path(__file__).with_name("published.toml")
 MEASURED = Path(__file__).with_name("measured.json")
 """Rows that `python -m benchmarks.real_logs FOLDER --keep FILE` wrote on the public logs; a test
 compares docs/results/real_logs.md with them"""
-UNITS = {"m s-1": ("cm/s", 100.0, 2), "m h-1": ("m/h", 1.0, 0), "1": ("ratio", 1.0, 2)}
+UNITS = {
+    "m s-1": ("cm/s", 100.0, 2), "m h-1": ("m/h", 1.0, 0), "1": ("ratio", 1.0, 2),
+    "%": ("%", 1.0, 1),
+}  # fmt: skip
 """Unit on the page, factor and digits, by the unit of a row"""
 DRAWS = 2000
 SEED = 20221123
 """Seed of the bootstrap: intervals are the same in every run"""
 CENTRAL = (2.5, 97.5)
 """[%] Percentiles of a 95 % interval"""
+WIDEST = 8
+"""Most columns of methods on the page; more stand in lines"""
 LEAST_DIVES = 4
 """Fewest dives for an interval"""
 
@@ -105,7 +110,7 @@ def rmse_interval(dives: Sequence[Array]) -> Interval:
     counts = np.array([dive.size for dive in known], float)
     if len(known) < LEAST_DIVES:
         return UNKNOWN
-    drawn = _draws(len(known))
+    drawn = bootstrap(len(known))
     found = np.sqrt(squares[drawn].sum(axis=1) / counts[drawn].sum(axis=1))
     low, high = np.percentile(found, CENTRAL)
     return float(low), float(high)
@@ -115,7 +120,7 @@ def median_interval(errors: Array) -> Interval:
     """95 % interval of the median over dives, one error each; NaN for too few dives."""
     if errors.size < LEAST_DIVES:
         return UNKNOWN
-    low, high = np.percentile(np.median(errors[_draws(errors.size)], axis=1), CENTRAL)
+    low, high = np.percentile(np.median(errors[bootstrap(errors.size)], axis=1), CENTRAL)
     return float(low), float(high)
 
 
@@ -132,7 +137,7 @@ def pooled_draws(groups: Sequence[Sequence[Array]]) -> Array:
     for group, dives in enumerate(groups):
         if len(dives) < LEAST_DIVES:
             return np.full(1 + DRAWS, np.nan)
-        drawn = np.vstack([np.arange(len(dives)), _draws(len(dives), group)])
+        drawn = np.vstack([np.arange(len(dives)), bootstrap(len(dives), group)])
         sums = np.array([float(np.sum(dive**2)) for dive in dives])
         counts = np.array([dive.size for dive in dives], float)
         squares += sums[drawn].sum(axis=1) / counts[drawn].sum(axis=1) / len(groups)
@@ -145,7 +150,7 @@ def central(draws: Array) -> Interval:
     return float(low), float(high)
 
 
-def _draws(dives: int, group: int = 0) -> np.ndarray:
+def bootstrap(dives: int, group: int = 0) -> np.ndarray:
     """Numbers of the dives in each bootstrap sample, (draws, dives)."""
     return np.random.default_rng(SEED + group).integers(0, dives, (DRAWS, dives))
 
@@ -259,13 +264,20 @@ def kept(path: Path = MEASURED) -> list[Row]:
 
 def markdown(rows: Sequence[Row], task: str) -> str:
     """Table of one task in Markdown: a line for each method if there is one deployment, else a line
-    for each deployment. The best figure at equal samples is bold."""
+    for each deployment, or for each of many methods. The best figure at equal samples is bold."""
     mine = [row for row in rows if row.task == task and row.kind not in NOT_COMPARED]
     data = list(dict.fromkeys(row.data for row in mine))
     methods = list(dict.fromkeys(row.method for row in mine))
     cells = {(row.data, row.method): _cell(row, best(mine)) for row in mine}
     unit = UNITS[mine[0].unit][0]
-    if len(data) == 1:
+    if len(methods) > WIDEST and len(data) > 1:
+        sizes = [_samples(next(row for row in mine if row.data == name)) for name in data]
+        head = [f"{unit} (95 %)", *data]
+        body = [
+            *([method, *(cells.get((n, method), "") for n in data)] for method in methods),
+            ["samples", *sizes],
+        ]
+    elif len(data) == 1:
         head = [f"{data[0]}, {_samples(mine[0])}", f"{unit} (95 %)"]
         body = [[method, cells[data[0], method]] for method in methods]
     else:
@@ -292,6 +304,7 @@ def _cell(row: Row, winners: Sequence[Row]) -> str:
 
 
 def _samples(row: Row) -> str:
+    one = "run" if row.task.startswith("propelled") else "dive"
     if row.samples == row.dives:
-        return f"{row.dives} dives"
-    return f"{row.samples} in {row.dives} dives" if row.dives > 1 else f"{row.samples} in 1 dive"
+        return f"{row.dives} {one}s"
+    return f"{row.samples} in {row.dives} {one}{'s' if row.dives > 1 else ''}"

@@ -10,7 +10,16 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.real_logs import adcp, dvl, fixes, left_out, surge_networks
+from benchmarks.real_logs import (
+    adcp,
+    dvl,
+    fixes,
+    left_out,
+    propelled,
+    propelled_networks,
+    propelled_runs,
+    surge_networks,
+)
 from benchmarks.real_logs.row import Row
 from benchmarks.real_logs.source import Deployment, gather
 from benchmarks.real_logs.surge_networks import Pretrained
@@ -26,6 +35,7 @@ SECTIONS = {
     "surge": (adcp.TASK,),
     "left-out": (left_out.TASK, left_out.RATIO),
     "fixes": (*RATES, fixes.TRACK),
+    "propelled": propelled.TASKS,
 }
 """Tasks of each section, which run together; each task is a table"""
 TASKS = (*(task for tasks in SECTIONS.values() for task in tasks), "skipped")
@@ -55,6 +65,11 @@ class Work:
     """`map` of this process or of a pool of processes"""
     pretrained: Pretrained | None
     say: Say
+    root: Path
+    folder: Path
+    """Folder of stores and of what a later run need not compute again"""
+    networks: bool
+    seed: int
 
     def run(self, jobs: Iterable[Job]) -> list[Any]:
         """Results in the order of the jobs; a `Failure` for each job without a result."""
@@ -78,6 +93,7 @@ def run_benchmark(
     networks: bool = True,
     seed: int = 0,
     only: Sequence[str] = tuple(SECTIONS),
+    place: Path | None = None,
     say: Say = lambda text: None,
 ) -> list[Row]:
     """Compute every row that the logs below a folder allow.
@@ -88,6 +104,7 @@ def run_benchmark(
       networks: train and score networks too; without them, a run takes a third of the time.
       seed: seed of the simulated missions and of the networks.
       only: names of SECTIONS.
+      place: folder that keeps the propelled section's stores and folds for a later run.
       say: called with a text about each step.
 
     Raises:
@@ -97,13 +114,17 @@ def run_benchmark(
         tempfile.TemporaryDirectory(prefix="glider-benchmark-") as work,
         mapping(workers) as each,
     ):
-        deployments, skipped = gather(root, Path(work), say)
+        gliders = set(only) != {"propelled"}
+        deployments, skipped = gather(root, Path(work), say) if gliders else ([], [])
         rows = [
             Row(task="skipped", data=part.name, method="", kind="skipped", note=part.why)
             for part in skipped
         ]
-        shared = Work(deployments=deployments, each=each, pretrained=None, say=say)
-        if networks:
+        shared = Work(
+            deployments=deployments, each=each, pretrained=None, say=say, root=root,
+            folder=place or Path(work), networks=networks, seed=seed,
+        )  # fmt: skip
+        if networks and gliders:
             say(f"simulating {surge_networks.HOURS:g} h of missions and training on them")
             stores = surge_networks.simulate(Path(work), seed=seed, workers=workers)
             shared = dataclasses.replace(shared, pretrained=_pretrained(stores, seed, shared))
@@ -177,7 +198,31 @@ def _left_out(work: Work) -> list[Row]:
     return [*rows, *left_out.rows_of([one.name for one in labelled], judged)]
 
 
-JUDGES = {"speed": _speeds, "fixes": _fixes, "surge": _surges, "left-out": _left_out}
+def _propelled(work: Work) -> list[Row]:
+    vehicles, refused = propelled_runs.gather(work.root)
+    work.say(f"propelled vehicles, one run or vehicle left out: {', '.join(vehicles)}")
+    pretrained = None
+    if work.networks and vehicles:
+        work.folder.mkdir(parents=True, exist_ok=True)
+        pretrained = propelled_networks.pretrained_on(work.folder, work.seed, work.run)
+    jobs = propelled.folds(vehicles, pretrained, work.seed, work.folder)
+    answers = work.run(functools.partial(propelled.run, job) for job in jobs)
+    for one in answers:
+        if isinstance(one, Failure):
+            raise TwinError(f"propelled vehicles: {one.why}")
+    return [
+        *propelled.rows_of(vehicles, jobs, answers),
+        *(
+            Row(task=propelled.SURGE, data=name, method="", kind="skipped", note=why)
+            for name, why in refused.items()
+        ),
+    ]
+
+
+JUDGES = {
+    "speed": _speeds, "fixes": _fixes, "surge": _surges, "left-out": _left_out,
+    "propelled": _propelled,
+}  # fmt: skip
 """Function that computes the rows of each section"""
 
 

@@ -21,8 +21,7 @@ KINDS = ("slocum", "seaglider", "seaexplorer")
 NOT_JUDGED = {
     "lrauv": "a propelled vehicle without attitude in its shore logs: "
     "benchmarks/real_logs/yo_yos.py sets its depth rates beside its twin's",
-    "auv": "tables of a propelled vehicle: `factory import csv --mapping` and "
-    "`learn fit --labels dvl` judge them",
+    "auv": "a propelled vehicle: the section propelled judges it",
     "currents": "model fields, no logs",
 }
 TABLES = frozenset({".csv", ".gz", ".parquet"})

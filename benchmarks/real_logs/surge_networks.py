@@ -165,8 +165,9 @@ def fit_network(
     *,
     seed: int,
     start: Predictor | None = None,
+    network: NetworkConfig = NETWORK,
 ) -> Predictor:
-    """Train one network, from the weights and scales of `start` if given."""
+    """Train one network, from the weights and scales of `start` if given; levels may be NaN."""
     if start is None:
         fitted = NormalisationFit(inputs, "surge")
         for dive in train:
@@ -175,7 +176,7 @@ def fit_network(
     else:
         scales = start.normalisation
     trained = Trainer(
-        NETWORK,
+        network,
         dataclasses.replace(config, seed=seed),
         _sequences(train, scales),
         _sequences(validation, scales),
@@ -189,8 +190,11 @@ def _sequences(dives: Sequence[Samples], scales: Normalisation) -> Sequences:
     mean, scale = np.float32(scales.target_mean), np.float32(scales.target_scale)
     return Sequences(
         inputs=[scales.inputs(dive.matrix(scales.features).astype(np.float32)) for dive in dives],
-        targets=[(dive.level.astype(np.float32) - mean) / scale for dive in dives],
-        weights=[np.ones(dive.level.size, np.float32) for dive in dives],
+        targets=[
+            (np.nan_to_num(dive.level, nan=mean).astype(np.float32) - mean) / scale
+            for dive in dives
+        ],
+        weights=[np.isfinite(dive.level).astype(np.float32) for dive in dives],
     )
 
 

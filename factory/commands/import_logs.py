@@ -63,6 +63,8 @@ class ImportLogs(JsonOption):
     payload: tuple[str, ...] = ()
     """NAME=COLUMN or NAME=COLUMN[UNITS]: store a column as signal measured_NAME, in addition to
     known columns such as oxygen and chlorophyll"""
+    doppler: tuple[Path, ...] = ()
+    """PD0 files of the Doppler log that the vehicle carried: speed through the water"""
     keep_going: bool = False
     """import the readable files even if half of the files or more cannot be read"""
     recursive: bool = False
@@ -88,6 +90,7 @@ class ImportLogs(JsonOption):
             cache=self.cache,
             mapping=self.mapping,
             payload=self.payload,
+            doppler=self.doppler,
             keep_going=self.keep_going,
             recursive=self.recursive,
         )

@@ -59,6 +59,8 @@ class Table:
     texts: Mapping[str, NDArray[Any]] = dataclasses.field(default_factory=dict)
     owner: str = ""
     """Vehicle or deployment, if the file names it."""
+    short: int = 0
+    """Rows that were left out, as they have fewer cells than a file without a header has names."""
 
     def has(self, *names: str) -> bool:
         """True when all the columns are there."""
@@ -69,8 +71,11 @@ class Table:
         return len(every[0]) if every else 0
 
 
-def read_table(path: Path) -> Table:
-    """Read a csv, csv.gz or parquet file.
+def read_table(path: Path, names: Sequence[str] = ()) -> Table:
+    """Read a csv, csv.gz or parquet file, or a text of numbers without a header.
+
+    Args:
+      names: of the columns of a text without a header, whose cells are separated by blanks.
 
     Raises:
       InputError: unreadable, empty or truncated, or pyarrow is missing.
@@ -79,7 +84,7 @@ def read_table(path: Path) -> Table:
         raise InputError(f"{path} is empty")
     if path.suffix.lower() == ".parquet":
         return _parquet(path)
-    return _csv(path)
+    return _csv(path, names)
 
 
 def _opened_parquet(path: Path) -> Any:
@@ -188,17 +193,18 @@ class _PaddedTable(io.TextIOBase):
         return first or self._file.read(-1 if size is None else size)
 
 
-def _csv(path: Path) -> Table:
+def _csv(path: Path, given: Sequence[str] = ()) -> Table:
     import pandas as pd
 
     try:
         with _opened(path) as file, warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # cells would be lost
-            names, delimiter = _header(file)
+            names, delimiter = (list(given), r"\s+") if given else _header(file)
             # a row may end with a separator, so that it has an empty cell more than the header
             cells = range(len(names) + 1)
+            first = "- " * len(cells) if given else delimiter * len(names)
             frame = pd.read_csv(
-                _PaddedTable(delimiter * len(names) + "\n", file), sep=delimiter, header=None,
+                _PaddedTable(first + "\n", file), sep=delimiter, header=None,
                 names=cells, dtype=str, na_filter=False, index_col=False,
             )[1:]  # fmt: skip
     except _UNREADABLE as error:
@@ -217,6 +223,9 @@ def _csv(path: Path) -> Table:
     # files that were appended to each other repeat their line of names
     again = (frame[list(range(len(names)))] == names).all(axis=1)
     frame = frame[~again]
+    whole = frame[len(names) - 1].fillna("") != ""
+    short = int((~whole).sum()) if given else 0
+    frame = frame[whole] if given else frame
     columns, texts = dict[str, Array](), dict[str, NDArray[Any]]()
     for k, name in enumerate(names):
         if not name:  # the index that pandas writes, or a separator at the end
@@ -229,7 +238,7 @@ def _csv(path: Path) -> Table:
             texts[name] = words.to_numpy(object)
         else:
             columns[name] = measurable(numbers)
-    return Table(path, columns, texts)
+    return Table(path, columns, texts, short=short)
 
 
 _DECIMAL_COMMA = r"^([-+]?\d*),(\d+(?:[eE][-+]?\d+)?)$"

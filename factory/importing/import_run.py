@@ -49,6 +49,7 @@ def import_logs(
     cache: Path | None = None,
     mapping: Path | str | None = None,
     payload: Sequence[str] = (),
+    doppler: Sequence[Path | str] = (),
     keep_going: bool = True,
     recursive: bool = False,
     one_deployment: bool = False,
@@ -65,6 +66,7 @@ def import_logs(
       mapping: meaning of the columns of csv tables: a file, or the name of a shipped mapping.
       payload: NAME=COLUMN or NAME=COLUMN[UNITS]: each column becomes the signal `measured_NAME`,
         in addition to the known payloads (`factory.importing.payload`).
+      doppler: PD0 files, or folders of them, of the Doppler log that the vehicle carried.
       keep_going: go on even if half of the files or more cannot be read.
       recursive: search the folders below the named ones too.
       one_deployment: treat all logs as one deployment, with the name of the earliest log.
@@ -91,6 +93,8 @@ def import_logs(
     paths, logs = read_logs(
         kind, files, options, tally, keep_going=keep_going, recursive=recursive
     )  # fmt: skip
+    if doppler:
+        logs = _with_doppler(kind, logs, doppler, tally, recursive=recursive)
     if one_deployment:
         first = min((log for log in logs if log.channels), key=lambda one: one.span, default=None)
         logs = [dataclasses.replace(log, deployment=(first or log).deployment) for log in logs]
@@ -115,6 +119,7 @@ def import_logs(
     ):
         command += [] if value is None else [f"--{name}", str(value)]
     command += ["--payload", *payload] if payload else []
+    command += ["--doppler", *map(str, doppler)] if doppler else []
     command += ["--recursive"] if recursive else []
     dataset.attrs[HISTORY] = f"{stamp}: {shlex.join(command)}"
     text = _metadata_text(paths) or (logs[0].said if len(logs) == 1 else None)
@@ -156,6 +161,30 @@ def read_logs(
     except InputError as error:
         raise _with_left_out(error, tally) from error
     return paths, logs
+
+
+def _with_doppler(
+    kind: str,
+    logs: Sequence[DeploymentLog],
+    files: Sequence[Path | str],
+    tally: Tally,
+    *,
+    recursive: bool,
+) -> list[DeploymentLog]:
+    """Add a Doppler log's files to the logs of the vehicles that carried it."""
+    from factory.importing.formats.pd0_reader import with_doppler
+
+    importer = IMPORTERS["pd0"]
+    if kind == importer.name:
+        raise InputError(
+            "--doppler adds a Doppler log to its vehicle's log, and pd0 files are Doppler logs: "
+            "name the kind and the files of the vehicle, or leave --doppler out"
+        )
+    try:
+        paths = expand(importer, [Path(f) for f in files], tally, recursive=recursive)
+        return with_doppler(logs, paths, tally)
+    except WrongFormat as error:
+        raise _explained(error, importer) from error
 
 
 METADATA = ("metadata.yml", "deployment.yml", "metadata.yaml", "deployment.yaml")

@@ -50,6 +50,11 @@ class Distribution(abc.ABC):
     def allows(self, value: Value) -> bool:
         """Return whether the distribution can give `value`."""
 
+    @property
+    @abc.abstractmethod
+    def highest(self) -> float:
+        """Largest number that it gives; of a normal one, what one draw in 1e9 exceeds."""
+
 
 @dataclass(frozen=True)
 class Fixed(Distribution):
@@ -72,6 +77,11 @@ class Fixed(Distribution):
         if isinstance(value, float) and isinstance(self.value, float) and math.isnan(value):
             return math.isnan(self.value)
         return value == self.value
+
+    @property
+    def highest(self) -> float:
+        """The value; NaN for a word."""
+        return math.nan if isinstance(self.value, str) else self.value
 
 
 @dataclass(frozen=True)
@@ -123,6 +133,11 @@ class Uniform(Distribution):
     def _includes(self, value: float) -> bool:
         return self.low <= value <= self.high
 
+    @property
+    def highest(self) -> float:
+        """Upper end."""
+        return self.high
+
 
 class LogUniform(Uniform):
     """Uniform in the logarithm, in [low, high), without the excluded open intervals."""
@@ -163,6 +178,11 @@ class Normal(Distribution):
         """Return whether `value` is a finite number."""
         return isinstance(value, float) and math.isfinite(value)
 
+    @property
+    def highest(self) -> float:
+        """Six standard deviations above the mean."""
+        return self.mean + 6.0 * self.std
+
 
 @dataclass(frozen=True)
 class Choice(Distribution):
@@ -200,6 +220,12 @@ class Choice(Distribution):
         """Return whether `value` is an option with a weight above 0."""
         items = zip(self.options, self.weights, strict=True)
         return any(value == option and weight > 0.0 for option, weight in items)
+
+    @property
+    def highest(self) -> float:
+        """Largest option that it gives; NaN if all are words."""
+        numbers = (o for o in self.options if not isinstance(o, str) and self.allows(o))
+        return max(numbers, default=math.nan)
 
 
 _FORMS = ("uniform", "loguniform", "normal", "choice")

@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 import platform
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,7 +23,8 @@ from factory.sampling.draw import Parameters, Plan, draw_parameters, plan_missio
 from factory.sampling.mission_kinds import propelled
 from factory.sampling.parameters import FLOOR_DEPTH, Table, override, parameter_table
 from factory.sampling.presets import PRESETS
-from twin.errors import InputError, StoreError, TwinError, unknown_name
+from twin.errors import InputError, MissionError, StoreError, TwinError, unknown_name
+from twin.mission import check_depth
 from twin.physics.mujoco_model import INTEGRATORS, compile_model
 from twin.physics.true_signals import ENGINES, SAMPLE_PERIOD, declare_parts, simulated_signals
 from twin.records import attributes
@@ -282,8 +284,27 @@ def make_recipe(
 
     Raises:
       InputError: unknown preset, parameter, vehicle, sensor suite or engine; impossible value.
+      MissionError: a replaced distribution dives too deep for the vehicle; a preset's own warns.
     """
-    return Recipe(vehicle=load_vehicle(vehicle), changes=dict(changes or {}), **settings)
+    recipe = Recipe(vehicle=load_vehicle(vehicle), changes=dict(changes or {}), **settings)
+    _check_depths(recipe)
+    return recipe
+
+
+def _check_depths(recipe: Recipe) -> None:
+    """Refuse given depths far below the one that the vehicle is built for; warn of a preset's."""
+    if PRESETS[recipe.preset].fixed_missions:
+        check_depth(recipe.parameters(0, 0).deepest_m, recipe.vehicle)
+        return
+    for name in ("mission.start_depth_m", "mission.max_depth_m", "mission.depth_m"):
+        drawn = recipe.distributions.get(name, Fixed(0.0))
+        try:
+            check_depth(drawn.highest, recipe.vehicle)
+        except MissionError as error:
+            text = f"{name} = {drawn.text()}: {error}"
+            if name in recipe.changes:
+                raise MissionError(text) from None
+            warnings.warn(f"preset {recipe.preset!r}: {text}", stacklevel=3)
 
 
 def sha256(text: str) -> str:

@@ -161,7 +161,7 @@ class Identify(JsonOption):
                 progress=report.of("fit"),
             )
             if self.model == "twin":
-                refined = identify.refine(logs, found, progress=report.of("refine"))
+                refined = identify.refine(logs, found, known=given, progress=report.of("refine"))
                 found = refined.identification
             if not self.no_handling:
                 proof = self.out is not None
@@ -173,6 +173,11 @@ class Identify(JsonOption):
             console.warn(
                 f"left out: {len(found.powered)} of {len(logs)} missions ran their thruster, so "
                 f"that their speed is no glide's ({rows})"
+            )
+        if found.stalled:
+            console.warn(
+                f"missions {', '.join(map(str, found.stalled))} sink or rise far slower than the "
+                "fit, as stalled wings do: where the others do too, trim and drag are wrong"
             )
         for text in identify.confused(found):
             console.warn(text)
@@ -337,6 +342,7 @@ class Identify(JsonOption):
             model=found.model,
             missions=missions,
             powered_rows_left_out=len(found.powered),
+            stalled_rows=list(found.stalled),
             samples=found.samples,
             hours=found.hours,
             depth_rate_rmse_m_s=found.depth_rate_rmse,
@@ -387,12 +393,9 @@ def _sentences(found: Identification, missions: int, refined: Refinement | None)
         )
     elif not runs:
         yield "No currents between fixes were compared, which would tell lift and compass."
-    includes = (
-        "hold if the model does"
-        if runs or refined is not None
-        else ("include the usual errors of the values that are kept")
-    )
-    yield f"Deviations {includes}; --correlations prints how the estimates depend on each other."
+    kept = "include the usual errors of the values that are kept"
+    holds = "hold if the model does" if runs else kept
+    yield f"Deviations {holds}; --correlations prints how the estimates depend on each other."
 
 
 def _say_unseen(console: Console, mine: DrivenErrors, before: DrivenErrors) -> None:

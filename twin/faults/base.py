@@ -54,6 +54,8 @@ class Condition:
     """Fraction of the batteries that is connected."""
     iron: tuple[float, float] = (0.0, 0.0)
     """[rad] Error of guidance's compass: coefficients (sine, cosine) of the true heading."""
+    compass_offset: float = 0.0
+    """[rad] Error of guidance's compass on every heading: reading minus true heading."""
     depth_offset: float = 0.0
     """[m] Depth of guidance's pressure gauge minus the true depth."""
     echoes_lost: float = 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -58,9 +58,7 @@ class CompassIron(Fault):
     def expected(self, way: Array) -> Mapping[str, Array]:
         """Apparent current: the wrong heading turns the velocity through the water."""
         north, east = way.T
-        heading = np.arctan2(east, north)
-        off = math.radians(1.0) * np.sin(heading - math.radians(self.toward))
-        return {"current_north": off * east, "current_east": -off * north}
+        return _apparent(way, np.sin(np.arctan2(east, north) - math.radians(self.toward)))
 
     def choices(self, vehicle: Vehicle) -> tuple[Mapping[str, Any], ...]:
         """Values of `toward` 45 deg apart, over half a circle because the size has a sign."""
@@ -68,11 +66,7 @@ class CompassIron(Fault):
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
         """Add the deviation to the heading; no change without a compass."""
-        heading = signals.get("measured_heading")
-        if heading is None:
-            return {}
-        off = size * np.sin(np.deg2rad(heading - self.toward))
-        return {"measured_heading": np.mod(heading + off, 360.0)}
+        return _misread(signals, lambda true: size * np.sin(np.deg2rad(true - self.toward)))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -94,15 +88,29 @@ class CompassTurned(Fault):
     degrees: float = 8.0
     """[degree] Compass reading minus true heading, equal on every heading"""
 
+    def change(self, condition: Condition, size: float) -> Condition:
+        """Turn guidance's compass."""
+        return condition.replace(compass_offset=condition.compass_offset + math.radians(size))
+
     def expected(self, way: Array) -> Mapping[str, Array]:
         """Apparent current: the wrong heading turns the velocity through the water."""
-        north, east = math.radians(1.0) * way.T
-        return {"current_north": east, "current_east": -north}
+        return _apparent(way, np.ones(len(way)))
 
     def readings(self, signals: Readings, size: Array, period: float, rng: Generator) -> Readings:
-        """Turn the heading; no change without a compass. Guidance does not read this heading."""
-        heading = signals.get("measured_heading")
-        return {} if heading is None else {"measured_heading": np.mod(heading + size, 360.0)}
+        """Turn the heading; no change without a compass."""
+        return _misread(signals, lambda _: size)
+
+
+def _apparent(way: Array, degrees: Array) -> Mapping[str, Array]:
+    """Apparent current [m/s] of velocities (n, 2) whose heading reads so many degrees too much."""
+    (north, east), off = way.T, math.radians(1.0) * degrees
+    return {"current_north": off * east, "current_east": -off * north}
+
+
+def _misread(signals: Readings, off: Callable[[Array], Array]) -> Readings:
+    """Add an error [degree], a function of the heading, to the compass; no change without one."""
+    true = signals.get("measured_heading")
+    return {} if true is None else {"measured_heading": np.mod(true + off(true), 360.0)}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -97,6 +97,8 @@ class Identification:
     """[m/s] Median change of the current by the nominal vehicle; None without fixes"""
     powered: tuple[int, ...] = ()
     """Rows of the dives under a thruster, which were left out"""
+    stalled: tuple[int, ...] = ()
+    """Rows of the dives with a phase that is far slower than the model, as a stalled glider is"""
 
     @property
     def determined(self) -> tuple[str, ...]:

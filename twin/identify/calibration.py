@@ -154,7 +154,7 @@ def load_calibration(
       VehicleError: unknown or unreadable file, a vehicle that is no glider with a battery and a
         pump, or an element of the file that is no number.
     """
-    loaded = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
+    loaded = _at_reference(vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle))
     require_glider(loaded)
     calibration = Calibration(vehicle=loaded, water_density=loaded.reference_density)
     if loaded.hull_thermal_expansion > 0.0:
@@ -188,6 +188,18 @@ def load_calibration(
         )
     known = {"pitch_scale": pitch_scale, "pitch_offset": pitch_offset}
     return calibration.replace(**{n: value for n, value in known.items() if value is not None})
+
+
+def _at_reference(vehicle: Vehicle) -> Vehicle:
+    """Vehicle that displaces as much, with its neutral volume at `REFERENCE_TEMPERATURE`."""
+    warmer = REFERENCE_TEMPERATURE - vehicle.hull_reference_temperature
+    if not (warmer and vehicle.hull_thermal_expansion):
+        return vehicle
+    return vehicle.replace(
+        reference_density=vehicle.reference_density
+        / (1.0 + vehicle.hull_thermal_expansion * warmer),
+        hull_reference_temperature=REFERENCE_TEMPERATURE,
+    )
 
 
 def _numbers(

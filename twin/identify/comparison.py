@@ -45,7 +45,7 @@ LEAST_DIVES = 4
 """Fewest dives for a cross-validation"""
 LEAST_GAIN = 0.04
 """[1] Least decrease of the mean square error of left-out dives by a supported parameter. The pitch
-offsets of ten public logs take 0 to 2.4 %, that of an eleventh 18 % (docs/howto/identify.md)."""
+offsets of ten public logs take 0 to 3.2 %, that of an eleventh 18 % (docs/howto/identify.md)."""
 LEAST_DEVIATIONS = 2.0
 """Least gain of a supported parameter, in standard deviations of the gain"""
 
@@ -126,11 +126,11 @@ class Comparison(abc.ABC):
         """Number of unknowns."""
         return len(self.parameters) + len(self.biases)
 
-    def with_parameter(self, parameter: UnknownParameter) -> Self:
-        """Return a copy with one more parameter at the end and the present weights."""
+    def with_parameters(self, *more: UnknownParameter) -> Self:
+        """Return a copy with more parameters at the end and the present weights."""
         wider = copy.copy(self)
-        wider.parameters = (*self.parameters, parameter)
-        wider.centres = np.append(self.centres, parameter.get(self.nominal))
+        wider.parameters = (*self.parameters, *more)
+        wider.centres = np.append(self.centres, [p.get(self.nominal) for p in more])
         wider._steps = []
         return wider
 
@@ -183,6 +183,13 @@ class Comparison(abc.ABC):
         base, *moved = map(self._weighted, self.missed_at(places))
         columns = [(one - base) / self.step for one in moved]
         return np.stack(columns, axis=1) if columns else np.zeros((len(base), 0))
+
+    def considered(self, x: Array, held: Sequence[UnknownParameter]) -> tuple[Array, Array]:
+        """`consider` for a fit that ended at `x`; each of `held` has its usual error."""
+        first, last = len(self.parameters), len(self.parameters) + len(held)
+        slopes = self.with_parameters(*held).slopes(np.insert(x, [first] * len(held), 0.0))
+        own, others = np.delete(slopes, slice(first, last), axis=1), slopes[:, first:last]
+        return consider(own, others, np.array([p.held / p.spread for p in held]))
 
     def jacobian(self, x: Array) -> Array:
         """Slopes of `residual`, (residuals and offsets, unknowns)."""
@@ -275,6 +282,14 @@ class Comparison(abc.ABC):
             covariance=bootstrap(self.jacobian(x), self.residual(x), self.blocks),
             deviation={n: rms(np.concatenate(s)) for n, s in self.missed(x).items() if s},
         )
+
+
+def consider(own: Array, others: Array, off: Array) -> tuple[Array, Array]:
+    """Covariance of a fit by noise, and what held parameters, off by `off`, add by their slopes
+    `others` (consider covariance; Tapley et al. 2004, Statistical Orbit Determination, 6.2)."""
+    inverse = np.asarray(np.linalg.inv(own.T @ own + np.eye(own.shape[1])), np.float64)
+    moved = inverse @ (own.T @ others) * off
+    return inverse, moved @ moved.T
 
 
 class Fitted(NamedTuple):
@@ -390,7 +405,7 @@ def gain_of(comparison: Comparison, x: Array, candidate: UnknownParameter) -> Ga
       x: offsets from nominal of its fit.
       candidate: the further parameter, not among those of the comparison.
     """
-    wider = comparison.with_parameter(candidate)
+    wider = comparison.with_parameters(candidate)
     at = np.append(x, 0.0)
     jacobian, residual = wider.jacobian(at), wider.residual(at)
     without = left_out(jacobian[:-1, :-1], residual[:-1], wider.blocks[:-1])

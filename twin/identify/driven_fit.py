@@ -298,7 +298,8 @@ def identify_driven(
         )
     free = free_of(wanted, notes)
     problem, x = _fitted(runs, nominal, free, lambda part: progress(0.9 * part), far=unsure > 1.0)
-    covariance = problem.fitted(x).covariance
+    held = [p for p in everything if p not in wanted and p.name not in (known or {})]  # not listed
+    covariance = problem.fitted(x).covariance + problem.considered(x, held)[1]
     before = {p.name: float(np.sqrt(covariance[k, k])) for k, p in enumerate(free)}
     for name, off in before.items():
         if off > LARGEST_UNCERTAINTY:

@@ -58,6 +58,8 @@ OTHERS_RMSE = 1.0
 BAD, WORST = 5.0, 4
 """Multiple of the usual residual above which a fit is refused; number of dives that the message
 names"""
+STALLED, STALL, FALLING = 0.75, 600.0, 0.02
+"""[1], [s], [m/s] Depth rate over the model's of a stalled phase; its duration and depth rate"""
 MOVING = 0.05
 """[m/s] Smallest depth rate of a glider that sinks or rises"""
 START_FACTORS, START_LOGS = (0.5, 1.0, 2.0, 4.0, 8.0), 3
@@ -142,7 +144,7 @@ def identify(
         *(final, x, logs, wanted, notes, before, covariance, said, noise["depth_rate"]), model
     )
     _check_residual(final, x, found)
-    return dataclasses.replace(found, powered=powered)
+    return dataclasses.replace(found, powered=powered, stalled=_stalled(final, x))
 
 
 def free_of(
@@ -157,22 +159,22 @@ def free_of(
 
 
 def _covariance(problem: DepthRates, x: Array, known: Sequence[str]) -> Array:
-    """Covariance of the offsets, in spreads, which includes errors of the parameters at nominal.
-
-    A parameter that is neither fitted nor `known` has its `held` standard deviation, and moves the
-    fit by its own slopes (consider covariance; Tapley et al. 2004, Statistical Orbit
-    Determination, 6.2).
-    """
+    """Covariance of the offsets, in spreads, with errors of what is neither fitted nor known."""
     held = [p for p in PARAMETERS if p not in problem.parameters and p.name not in known]
     held = [p for p in held if problem.pairs or not p.name.startswith("heading")]
-    wider = problem
-    for parameter in held:
-        wider = wider.with_parameter(parameter)
-    slopes = wider.slopes(np.append(x, np.zeros(len(held))))
-    own, others = slopes[:, : len(x)], slopes[:, len(x) :]
-    inverse = np.linalg.inv(own.T @ own + np.eye(len(x)))
-    moved = inverse @ (own.T @ others) * [p.held / p.spread for p in held]
-    return np.asarray(inverse + moved @ moved.T, np.float64)
+    return np.asarray(sum(problem.considered(x, held)))
+
+
+def _stalled(problem: DepthRates, x: Array) -> tuple[int, ...]:
+    """Rows of the dives that sink or rise far slower than the model, as stalled wings do."""
+    found: dict[int, bool] = {}
+    for k, missed in enumerate(problem.missed(x)["depth_rate"]):
+        log, rate = problem.logs[k], problem.logs[k].depth_rate[problem.masks[k]]
+        for side in (rate > FALLING, rate < -FALLING):
+            if side.sum() * log.period > STALL:
+                part = np.median(rate[side]) / np.median((rate + missed)[side])
+                found[log.index] = found.get(log.index, False) or part < STALLED
+    return tuple(row for row, slow in found.items() if slow)
 
 
 def _check_residual(problem: DepthRates, x: Array, found: Identification) -> None:

@@ -59,10 +59,10 @@ class DepthRates(Comparison):
         pairs = [k for k in range(1, len(logs)) if logs[k].follows and fixed[k] and fixed[k - 1]]
         self.pairs = pairs if fixes and len(pairs) >= LEAST_PAIRS else []
         longest = round(LONGEST_CORRELATION / logs[0].period)
-        # each dive's current enters two differences, hence twice the variance
+        # the scatter of the differences has both dives' currents in it
         channels = {
             "depth_rate": ComparedQuantity(unit="m/s", least=1e-12, longest=longest),
-            "current": ComparedQuantity(unit="m/s", least=LEAST_CURRENT_CHANGE, samples=2.0),
+            "current": ComparedQuantity(unit="m/s", least=LEAST_CURRENT_CHANGE, samples=1.0),
         }
         dives = {"depth_rate": range(len(logs)), "current": self.pairs}
         super().__init__(nominal, parameters, channels, dives)

@@ -10,7 +10,7 @@ All windows and all steps of the finite differences are one batch.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,12 +18,12 @@ import numpy as np
 from twin.errors import InputError, SimulationUnstable
 from twin.identify.answer import Identification, IdentifiedParameter
 from twin.identify.calibration import Array, Calibration
-from twin.identify.comparison import correlation_samples, rms, robust_scale
+from twin.identify.comparison import consider, correlation_samples, rms, robust_scale
 from twin.identify.logged_missions import Log, gliding, layers
 from twin.identify.pitch import PITCHING, balanced
 from twin.identify.speed import density_of, motion_of
 from twin.identify.turning_windows import channel_of
-from twin.identify.unknowns import UnknownParameter, choose
+from twin.identify.unknowns import PARAMETERS, choose
 from twin.mission.controller import Schedule
 from twin.physics.fleet import Fleet
 from twin.physics.scenario import Scenario
@@ -81,35 +81,37 @@ class Refinement:
 
 
 class _Window(NamedTuple):
-    """Window of a log with its water."""
+    """Window of a log."""
 
     log: Log
     part: slice
-    density: DensityProfile
 
 
 def refine(
     logs: Sequence[Log],
     flight: Identification,
     *,
+    known: Collection[str] = (),
     progress: Callable[[float], None] = lambda part: None,
 ) -> Refinement:
     """Fit the twin to windows of the logs, from the answer of `identify`.
 
     Args:
+      known: names whose nominal value is known, as for `identify`.
       progress: called with the fraction done, 0 to 1.
 
     Raises:
       InputError: no window with battery positions, or the twin does not fly them.
     """
     logs, _ = gliding(logs)
-    windows = _windows(logs, flight.calibration)
+    windows = _windows(logs)
     names = [name for name in flight.determined if name in REFINED]
     parameters = (*choose(names), *PITCHING)
     centres = np.array([p.get(flight.nominal) for p in parameters])
     balance = balanced(logs, flight.calibration)
     start = flight.calibration if balance is None else balance.calibration
-    x = np.array([_offset(p, c, start) for p, c in zip(parameters, centres, strict=True)])
+    began = [(p, p.get(start), c) for p, c in zip(parameters, centres, strict=True)]
+    x = np.array([(np.log(v / c) if p.logarithmic else v - c) / p.spread for p, v, c in began])
 
     def calibrated(offsets: Array) -> Calibration:
         out = flight.calibration
@@ -136,9 +138,23 @@ def refine(
             for one, p in zip(missed(tried), tried, strict=True)
         ]
         x = tried[int(np.argmin(costs))]
-    progress(1.0)
     final = calibrated(x)
-    ((rates, pitches),) = missed([x])
+    held = [p for p in PARAMETERS if p not in parameters and p.name not in known]
+    values = [p.get(final) for p in held]
+    stepped = [p.at(final, v, STEP) for p, v in zip(held, values, strict=True)]
+    moment = (
+        final.vehicle.static_mass * final.vehicle.static_cg
+    )  # a heavier hull is trimmed as well
+    stepped = [c.with_vehicle(static_cg=moment / c.vehicle.static_mass) for c in stepped]
+    ((rates, pitches), *changed) = _missed(windows, [final, *stepped])
+    base = _weighted((rates, pitches), scales)
+    others = [(_weighted(one, scales) - base) / STEP for one in changed]
+    sure = {e.name: e.deviation for e in flight.estimates if e.determined}
+    usual = [p.deviation(v, p.held / p.spread) for p, v in zip(held, values, strict=True)]
+    off = [sure.get(p.name, u) * p.held / p.spread / u for p, u in zip(held, usual, strict=True)]
+    slopes = np.reshape(others, (len(held), -1)).T
+    covariance = np.asarray(sum(consider(jacobian, slopes, np.array(off))))
+    progress(1.0)
     pitch_rmse = rms(np.concatenate(pitches))
     if pitch_rmse > MOST_PITCH:
         raise InputError(
@@ -146,7 +162,6 @@ def refine(
             "with any place of battery, pump and centre of gravity near those of vehicle "
             f"{final.vehicle.name!r}; use --model flight, which takes the pitch from the log"
         )
-    covariance = np.asarray(np.linalg.inv(hessian), float)
     refined = [
         IdentifiedParameter.of(p, flight.nominal, final, float(off), True)
         for p, off in zip(parameters, np.sqrt(np.diag(covariance)), strict=True)
@@ -162,18 +177,11 @@ def refine(
     )
 
 
-def _offset(parameter: UnknownParameter, centre: float, calibration: Calibration) -> float:
-    value = parameter.get(calibration)
-    if parameter.logarithmic:
-        return float(np.log(value / centre) / parameter.spread)
-    return (value - centre) / parameter.spread
-
-
-def _windows(logs: Sequence[Log], calibration: Calibration) -> list[_Window]:
+def _windows(logs: Sequence[Log]) -> list[_Window]:
     """Windows of the logs under water with battery positions, spread over all logs."""
     found: list[_Window] = []
     for seconds in WINDOWS_S:
-        found = [w for log in logs for w in _windows_of(log, calibration, seconds)]
+        found = [w for log in logs for w in _windows_of(log, seconds)]
         if len(found) >= ENOUGH_WINDOWS:
             break
     if not found:
@@ -185,7 +193,7 @@ def _windows(logs: Sequence[Log], calibration: Calibration) -> list[_Window]:
     return [found[k] for k in chosen]
 
 
-def _windows_of(log: Log, calibration: Calibration, seconds: float) -> list[_Window]:
+def _windows_of(log: Log, seconds: float) -> list[_Window]:
     if log.shift is None:
         return []
     length, found = round(seconds / log.period), []
@@ -193,12 +201,17 @@ def _windows_of(log: Log, calibration: Calibration, seconds: float) -> list[_Win
         part = slice(first, first + length + 1)
         deep = log.depth[first] > LEAST_DEPTH and log.depth[part].min() > 0.5 * LEAST_DEPTH
         if deep and log.use[part].all():
-            # the hull's thermal expansion goes into the density: the twin's physics has none
-            warming = log.hull_warming(calibration.thermal_lag)
-            density = density_of(log, calibration) * (1.0 + calibration.thermal_expansion * warming)
-            depths, values = layers(log.depth[part], density[part], DENSITY_STEP)
-            found.append(_Window(log, part, DensityProfile(depth=depths, values=values)))
+            found.append(_Window(log, part))
     return found
+
+
+def _water(window: _Window, calibration: Calibration) -> DensityProfile:
+    """Density of a window's water, with the hull's thermal expansion, which the twin here lacks."""
+    log, part = window
+    warming = log.hull_warming(calibration.thermal_lag)
+    density = density_of(log, calibration) * (1.0 + calibration.thermal_expansion * warming)
+    depths, values = layers(log.depth[part], density[part], DENSITY_STEP)
+    return DensityProfile(depth=depths, values=values)
 
 
 def _missed(
@@ -262,7 +275,7 @@ def _scenario(window: _Window, calibration: Calibration) -> Scenario:
         mission=Schedule(times=times, commands=commands),
         duration=log.period * (len(commands) - 1),
         sample_period=log.period,
-        density=window.density,
+        density=_water(window, calibration),
         start=Start(
             depth=float(log.depth[first]),
             roll=float(log.roll[first]),

@@ -135,13 +135,15 @@ def _cycle(index: int, text: str) -> UnknownParameter:
         return calibration.replace(heading_cycles=tuple(cycles))
 
     return UnknownParameter(
-        CYCLES[index], "degree", f"compass deviation with the {text}", _COMPASS_SPREAD,
+        CYCLES[index], "degree", f"compass deviation with the {text}",
+        _COMPASS if index < 2 else _SOFT_IRON,
         lambda c: c.heading_cycles[index] / DEGREE, put, channel="fixes",
     )  # fmt: skip
 
 
-_COMPASS_SPREAD = 3.0
-"""[deg] Standard deviation of a glider's compass after its calibration; 10 deg has been seen."""
+_COMPASS, _SOFT_IRON = 2.0, 1.0
+"""[deg] Standard deviations of a compass's offset and each part of its hard iron, and of each of
+its soft iron: 3 deg in all after a calibration; 10 deg has been seen."""
 
 # fmt: off
 PARAMETERS: tuple[UnknownParameter, ...] = (
@@ -187,7 +189,7 @@ PARAMETERS: tuple[UnknownParameter, ...] = (
     of_sensor("pitch_scale", "1", "true pitch over the sensor's", 0.1, fixed=0.01, channel="dives"),
     of_sensor(
         "heading_offset", "degree", "true heading less the compass', mean over all headings",
-        _COMPASS_SPREAD, DEGREE, channel="fixes"),
+        _COMPASS, DEGREE, channel="fixes"),
     _cycle(0, "cosine of the heading"),
     _cycle(1, "sine of the heading"),
     _cycle(2, "cosine of twice the heading"),

@@ -8,6 +8,8 @@ if TYPE_CHECKING:
     from twin.mission.glide_balance import SteadyGlide as SteadyGlide
     from twin.mission.glide_balance import steady_glide as steady_glide
     from twin.mission.plan import Mission as Mission
+    from twin.mission.plan import built_for as built_for
+    from twin.mission.plan import check_depth as check_depth
     from twin.mission.segments import Circle as Circle
     from twin.mission.segments import Hold as Hold
     from twin.mission.segments import Hover as Hover

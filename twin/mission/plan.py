@@ -23,6 +23,28 @@ from twin.vehicle.vehicle import Vehicle
 AT_END = ("surface", "hold")
 OVERSHOOT_MARGIN_M = 3.0
 """[m] Margin below a dive's lower depth; dives overshoot by up to 2.7 m, which must not abort."""
+DEPTHS = ("max_depth_m", "depth_m", "until_depth_m")
+"""Fields of segments that name a depth to go to"""
+DEEPEST = 1500.0
+"""[m] Rated depth for a file without one: the deepest shipped vehicle's"""
+TOO_DEEP = 1.2
+"""[1] Largest allowed ratio of a mission's depth to the rated depth"""
+
+
+def built_for(vehicle: Vehicle) -> float:
+    """[m] Depth that a vehicle is built for."""
+    return vehicle.rated_depth or DEEPEST
+
+
+def check_depth(depth: float, vehicle: Vehicle) -> None:
+    """Raise MissionError for a depth [m] far below the one that the vehicle is built for."""
+    rated = built_for(vehicle)
+    if depth > TOO_DEEP * rated:
+        raise MissionError(
+            f"the mission dives to {depth:g} m, and {vehicle.name} is built for {rated:g} m: the "
+            f"limit is {TOO_DEEP:g} times that, {TOO_DEEP * rated:g} m; give a lesser depth, or a "
+            "vehicle whose file has a larger rated_depth"
+        )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -134,6 +156,12 @@ class Mission:
             if any(getattr(segment, name, None) is not None for segment in self.segments):
                 return name
         return ""
+
+    @property
+    def deepest(self) -> float:
+        """[m] Largest depth of start and segments; 0 for one that follows the sea floor."""
+        named = (getattr(one, name, None) for one in self.segments for name in DEPTHS)
+        return max(self.start_depth_m, *(depth or 0.0 for depth in named))
 
     @property
     def needs_place(self) -> bool:

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from twin.errors import MissionError, unknown_name
 from twin.mission.glide_balance import steady_glide
-from twin.mission.plan import Mission
-from twin.mission.segments import SawTooth
+from twin.mission.plan import DEPTHS, Mission, built_for, check_depth
+from twin.mission.segments import SawTooth, Segment
 from twin.vehicle.presets import assets_folder, vehicle_names
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
@@ -72,8 +72,8 @@ def load_mission_for(
 ) -> Mission:
     """Load a mission as `load_mission` does, and check it for a vehicle; None: its usual mission.
 
-    If the usual mission's pitch is impossible for the vehicle, it is flown at the vehicle's own
-    usual glide, with a warning.
+    If the usual mission is too deep for the vehicle, it is flown at the depth that the vehicle is
+    built for; if its pitch is impossible, at the vehicle's own usual glide. Both with a warning.
 
     Raises:
       MissionError: as for `load_mission`; or the vehicle cannot fly it. If a shipped mission is for
@@ -83,6 +83,14 @@ def load_mission_for(
     asked = mission is not None
     mission = usual if mission is None else mission
     loaded = load_mission(mission, vehicle, above_floor=above_floor)
+    try:
+        check_depth(loaded.deepest, vehicle)
+    except MissionError as error:
+        if asked:
+            raise
+        text = f"mission {usual!r} is flown to {built_for(vehicle):g} m: {error}"
+        warnings.warn(text, stacklevel=2)
+        loaded = _no_deeper(loaded, built_for(vehicle))
     try:
         loaded.check(vehicle)
     except MissionError as error:
@@ -99,6 +107,17 @@ def load_mission_for(
         hint = f"the shipped mission for such a vehicle is {usual!r}"
         raise MissionError(f"{error}; {hint}") from None
     return loaded
+
+
+def _no_deeper(mission: Mission, most: float) -> Mission:
+    """Copy of the mission whose segments go no deeper than `most` [m]."""
+
+    def bounded(one: Segment) -> Segment:
+        depths = {name: getattr(one, name, None) for name in DEPTHS}
+        deep = {name: most for name, depth in depths.items() if depth and depth > most}
+        return dataclasses.replace(one, **deep)
+
+    return dataclasses.replace(mission, segments=tuple(map(bounded, mission.segments)))
 
 
 def _at_usual_glide(mission: Mission, vehicle: Vehicle) -> Mission | None:

@@ -19,7 +19,13 @@ import numpy as np
 
 from twin.faults.base import Condition, Fault, conditions
 from twin.frames import euler_to_quaternion, flip_quaternion, flip_vector, quaternion_to_matrix
-from twin.mission.mission_file import DEPTH_OFFSET, ECHOES_LOST, IRON_COSINE, IRON_SINE
+from twin.mission.mission_file import (
+    COMPASS_OFFSET,
+    DEPTH_OFFSET,
+    ECHOES_LOST,
+    IRON_COSINE,
+    IRON_SINE,
+)
 from twin.numbers import Array
 from twin.physics.model_block import (
     RUN_TABLES,
@@ -43,7 +49,7 @@ if TYPE_CHECKING:
 
 BODY = ("vehicle", "volume", "zeros")
 """Fields of a condition on which the body's motion depends."""
-INSTRUMENTS = ("iron", "depth_offset", "echoes_lost")
+INSTRUMENTS = ("iron", "compass_offset", "depth_offset", "echoes_lost")
 """Fields of a condition with the errors of the instruments that guidance reads."""
 REST_VOLTAGE, EMPTY_VOLTAGE = 15.0, 12.5
 """[V] Voltage of a fresh and of an empty lithium pack, from gliders' logs."""
@@ -147,6 +153,7 @@ def healthy(scenario: Scenario) -> Condition:
         volume=volume,
         zeros=scenario.encoder_zeros,
         consumption=Consumption.of(vehicle),
+        compass_offset=scenario.compass_offset if scenario.mission is not None else 0.0,
     )
 
 
@@ -184,6 +191,7 @@ def become(model: mujoco.MjModel, before: Vehicle, zeros: Array, condition: Cond
 def write_instruments(gains: Array, condition: Condition) -> None:
     """Write the errors of guidance's instruments into its gains, shape (GAINS,)."""
     gains[IRON_SINE], gains[IRON_COSINE] = condition.iron
+    gains[COMPASS_OFFSET] = condition.compass_offset
     gains[DEPTH_OFFSET], gains[ECHOES_LOST] = condition.depth_offset, condition.echoes_lost
 
 

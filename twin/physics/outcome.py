@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from twin.errors import SimulationUnstable
 from twin.mission import Mission, Waypoint
@@ -20,8 +21,9 @@ from twin.physics.scenario import Scenario
 from twin.physics.stiffness import file_timestep, stiffness
 from twin.physics.true_signals import from_log
 from twin.records.coordinates import NOMINAL, START_LATITUDE, START_LONGITUDE, START_TIME
-from twin.records.mission_dataset import summarise
+from twin.records.mission_dataset import UNDER_WATER_M, summarise
 from twin.records.trajectory import Trajectory
+from twin.vehicle.laws.flow_frame import is_flow_frame
 from twin.water.current.axes import DEFAULT_TIME
 from twin.water.current.grid import beyond_grid
 from twin.water.floor.lookup import beyond_floor
@@ -30,6 +32,8 @@ HYDROGRAPHY = ("true_temperature", "true_salinity")
 """Signals of missions in water of known temperature and salinity."""
 MAY_BE_NAN = ("pitch_setpoint", "heading_setpoint", "segment")
 """Fields of a log row that are NaN in a sound run while a segment has no setpoint."""
+LONG_STALL = 600.0
+"""[s] A longer stall is a glide; at an inflection a glider stalls for a minute."""
 Beyond = Callable[[Array, Array, Array], NDArray[np.bool_]]
 SMALLER = 5
 """[1] Factor by which an error message shortens the step of an unstable run."""
@@ -166,6 +170,7 @@ def remarks(scenario: Scenario, run: Trajectory) -> list[str]:
         stronger if run.provenance.get("ended") != "time limit" else "",
         _target_remark(scenario, run),
         _contact_remark(run),
+        _stall_remark(scenario, run),
         _step_remark(scenario, run),
         _area_remark(run, tables.floor, beyond_floor, "bathymetry", "depth"),
         _area_remark(run, tables.current, beyond_grid, "current file", "velocity"),
@@ -235,6 +240,23 @@ def _contact_remark(run: Trajectory) -> str:
     return (
         f"the vehicle touched the sea floor or an obstacle at {figures['first_contact_s']:.0f} s; "
         "min_altitude_m in the mission makes dives turn above the sea floor"
+    )
+
+
+def _stall_remark(scenario: Scenario, run: Trajectory) -> str:
+    """Remark that a glider fell with stalled wings instead of gliding; empty if never."""
+    law, (surge, _, heave) = scenario.vehicle.law, run.v_rel.T
+    if not is_flow_frame(law):
+        return ""
+    attack = np.abs(np.arctan2(heave, surge))
+    stalled = (attack > law.blend_angle) & (run["true_depth"] > UNDER_WATER_M)
+    width = round(LONG_STALL / scenario.sample_period) | 1
+    if not (stalled := maximum_filter1d(minimum_filter1d(stalled, width), width)).any():
+        return ""
+    return (
+        f"the vehicle fell with stalled wings, an angle of attack of "
+        f"{np.degrees(np.median(attack[stalled])):.0f} deg, for {stalled.mean():.0%} of the run, "
+        f"first at {run.time[stalled][0]:.0f} s: a steeper pitch or a larger net mass glides"
     )
 
 

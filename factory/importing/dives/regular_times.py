@@ -35,7 +35,9 @@ SPARSE = frozenset(
     {"true_speed", "true_surge", "true_sway", "true_heave", "true_current_north",
      "true_current_east", "true_current_down", "measured_dvl_surge", "measured_dvl_sway",
      "measured_dvl_heave", "measured_charge", "measured_voltage", "measured_battery_current",
-     "measured_vacuum", "measured_altitude"}
+     "measured_vacuum", "measured_altitude",
+     *(f"measured_dvl_{axis}_deviation" for axis in ("surge", "sway", "heave")),
+     *(f"measured_bottom_{axis}" for axis in ("surge", "sway", "heave"))}
 )  # fmt: skip
 """Signals that take the nearest original sample, if it lies within half a period."""
 WATER = frozenset({"measured_temperature", "measured_salinity", "measured_density"})

@@ -90,6 +90,8 @@ class Importer:
     """True if the reader uses `ReadOptions.cache`."""
     takes_mapping: bool = False
     """True if the reader uses `ReadOptions.mapping`: the column names are free."""
+    instrument: bool = False
+    """True for logs of an instrument, which may lie beside those of the vehicle that carries it."""
     held: frozenset[str] = frozenset()
     """Channels that are logged only on change: between samples the last value holds."""
     lacks: frozenset[str] = frozenset()
@@ -408,6 +410,23 @@ SPRAY = Importer(
     ),
 )  # fmt: skip
 """Importer of binned files of Scripps' Spray gliders."""
+
+PD0 = Importer(
+    name="pd0",
+    vehicle="any vehicle with a Doppler log of RDI",
+    files="PD0 files of Pathfinder, Explorer, Workhorse and others, in beam, instrument, ship or "
+    "earth axes",
+    channels="velocity through the water in hull axes with its standard deviation, velocity over "
+    "ground by bottom track, height above the bottom; depth and attitude that the file has",
+    suffixes=frozenset({".pd0", ".000", ".ens"}),
+    marks=frozenset({"fixed leader", "variable leader"}),
+    period=2.0,
+    read="factory.importing.formats.pd0_reader:read_pd0_logs",
+    first_bytes=(b"\x7f\x7f",),
+    instrument=True,
+    lacks=DRIVEN,
+)
+"""Importer of Doppler logs in RDI's own format; beside a vehicle's log: `--doppler`."""
 
 CSV = Importer(
     name="csv",

@@ -40,8 +40,8 @@ from twin.mission import SteadyGlide, degrees, degrees_minutes, steady_glide, wa
 
 TARGETS = "targets"
 TARGET_KEYS = ("lat", "lon", "radius", "goto")
-TARGET_OPTIONS = ("escape", "depth", "finish", "timeout")
-"""Keys for other ends of a leg, by depth, line or time, which the mission does not have"""
+LEG_ENDS = ("escape", "depth", "finish", "timeout")
+"""Keys for other ends of a leg, by depth, line or time, which a mission does not have"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -115,9 +115,9 @@ def read_targets(path: str | Path) -> tuple[SeagliderTarget, ...]:
 def _target(where: str, line: str) -> SeagliderTarget:
     name, *words = line.replace("= ", "=").split()
     values = dict(word.partition("=")[::2] for word in words)
-    every = TARGET_KEYS + TARGET_OPTIONS
-    if odd := [key for key in values if key not in every]:
-        raise MissionError(f"{where}: {odd[0]!r} is not one of {', '.join(every)}")
+    if odd := [key for key in values if key not in TARGET_KEYS]:
+        why = ": no mission here has such an end of a leg; leave it out" * (odd[0] in LEG_ENDS)
+        raise MissionError(f"{where}: {odd[0]!r} is not one of {', '.join(TARGET_KEYS)}{why}")
     for key in TARGET_KEYS:
         if not values.get(key):
             raise MissionError(f"{where}: {name} has no {key}=")

@@ -10,8 +10,8 @@ a mapping: some sensors include the air's pressure, others do not.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Container, Sequence
 from collections.abc import Mapping as Dict
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -134,7 +134,7 @@ def _log(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
         known += [one for one in fields if one not in known]
     packets = read_packets(path, wanted, tally)
     topics, tables = _tables(packets, tally)
-    standard = _standard(tables, tally)
+    standard = _standard(tables, mapping.signals, tally)
     mapping = with_standard(mapping, standard, tally)
     used = set(wanted_fields(mapping))
     made = [name for name in PAIRS if PAIRS[name] in used]
@@ -272,12 +272,14 @@ def _pairs(servos: Dict[int, MessageTable]) -> MessageTable:
     return MessageTable(time, {n: (at[a] + at[b]) / 2.0 for n, (a, b) in FINS.items()})
 
 
-def _standard(tables: Dict[str, MessageTable], tally: Tally) -> dict[str, Signal]:
-    """Signals of the known messages' fields, each with one source."""
+def _standard(
+    tables: Dict[str, MessageTable], mapped: Container[str], tally: Tally
+) -> dict[str, Signal]:
+    """Signals of the known messages' fields, each with one source, without those `mapped`."""
     sources: dict[str, list[Signal]] = {}
     for signal, name, field, unit in STANDARD:
         topic = _source(name, tables)
-        if topic is None:
+        if topic is None or signal in mapped:
             continue
         if name == "Acceleration" and not _is_specific_force(tables[topic]):
             why = "not the specific force on an accelerometer: without gravity, or z up"
@@ -288,7 +290,7 @@ def _standard(tables: Dict[str, MessageTable], tally: Tally) -> dict[str, Signal
             north="magnetic" if _is_magnetic(name, field, tables[topic]) else "true",
         )  # fmt: skip
         sources.setdefault(signal, []).append(one)
-    return valued(sources, tables, Tally())
+    return valued(sources, tables, tally)
 
 
 def _source(name: str, tables: Dict[str, MessageTable]) -> str | None:

@@ -5,7 +5,7 @@ import struct
 
 import numpy as np
 import pytest
-from logs import circles, refused, said, values
+from logs import SHARED, circles, refused, said, values
 
 from factory.__main__ import PROGRAM
 from factory.importing import import_logs
@@ -125,6 +125,29 @@ def test_one_sender_of_each_is_read_and_the_others_are_named(whole):
     unread = set(names["not read"])
     assert {"Temperature/Main_Board", "Voltage/Main_Board", "EulerAngles/AHRS"} <= unread
     assert "SetThrusterActuation" in unread  # a part of the power, no speed
+
+
+def test_each_source_that_is_not_used_is_named_with_the_one_that_is(whole, tmp_path):
+    def left_out(report):
+        return {(e.subject, e.detail) for e in report.entries if "is taken from" in e.detail}
+
+    angles = (("measured_roll", "phi"), ("measured_pitch", "theta"))
+    taken = "{} is taken from EstimatedState/Navigation {}".format
+    assert {("EulerAngles/AHRS", taken(*one)) for one in angles} <= left_out(whole[1])
+    assert (
+        "EstimatedState/Navigation",
+        "measured_depth is taken from Depth/Depth_Sensor value",
+    ) in left_out(whole[1])
+    mapping = tmp_path / "mapping.toml"
+    mapping.write_text(
+        'vehicle = "remus"\n[signals.measured_roll]\ncolumn = "EulerAngles/AHRS phi"\n'
+        'unit = "rad"\n'
+    )
+    _, report = import_logs("lsf", [log(tmp_path)], mapping=mapping)
+    assert {d for s, d in left_out(report) if s == "EulerAngles/AHRS"} == {
+        "measured_pitch is taken from EstimatedState/Navigation theta",
+        "measured_heading is taken from EstimatedState/Navigation psi",
+    }
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
@@ -298,3 +321,21 @@ def test_a_store_of_it_is_one_that_identification_reads(tmp_path, capsys):
     np.testing.assert_allclose(rudder, 0.12, atol=1e-5)
     spin = run.positions[:, names.index("propeller")]
     np.testing.assert_allclose(spin, np.round(STATE["rpm"]) * 2.0 * np.pi / 60.0, rtol=1e-5)
+
+
+LAUV = SHARED / "auv_lauv_noptilus_2015"
+
+
+@pytest.mark.skipif(not LAUV.is_dir(), reason="needs the shared log of a LAUV")
+def test_a_real_log_beside_its_own_definition_of_imc():
+    """A folder of DUNE: packed log and IMC.xml, 112 s at 3 m, with a Doppler log at 4.5 Hz."""
+    dataset, report = import_logs("lsf", [LAUV])
+    assert report.hours * 3600.0 == pytest.approx(112.0, abs=2.0)
+    assert np.median(values(dataset, "measured_depth")) == pytest.approx(3.0, abs=0.5)
+    assert "IMC.xml.gz" in said(report, "left out", "files")
+    assert said(report, "read", "DVL x").startswith("471 ")
+    surge, turns = values(dataset, "measured_dvl_surge"), values(dataset, "measured_propeller")
+    assert np.nanmedian(surge) == pytest.approx(1.3, abs=0.1)
+    assert np.nanmedian(turns) > 100.0
+    assert {"measured_rudder", "measured_elevator", "measured_yaw_rate"} <= set(report.channels)
+    assert not any("removed" in e.action and "CRC" in e.detail for e in report.entries)

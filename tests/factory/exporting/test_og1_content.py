@@ -1,5 +1,6 @@
 """What an OG1.0 file of a log holds: metadata, flight terms, raw times, flags; what comes back."""
 
+import math
 from types import SimpleNamespace
 
 import gsw
@@ -22,6 +23,7 @@ from factory.exporting.og1.flight_terms import (
     flight_terms,
     flown,
 )
+from factory.exporting.og1.og1_terms import simulated_mission
 from factory.generation.generated_store import open_exportable
 from factory.samples import Flight
 from factory.samples.gliders import write_seaglider
@@ -164,6 +166,24 @@ def test_flight_terms_and_currents_are_those_of_the_flight_model(og1, store):
         assert 0.1 < np.median(speed) < 0.6
 
 
+def test_the_bounds_are_a_closed_ring_of_latitude_and_longitude(og1):
+    """EPSG:4326 names the latitude first; the ring goes round the box of the limits once."""
+    with netCDF4.Dataset(og1) as file:
+        text, name = file.geospatial_bounds, file.geospatial_bounds_crs
+        limits = {n: getattr(file, f"geospatial_{n}") for n in
+                  ("lat_min", "lat_max", "lon_min", "lon_max")}  # fmt: skip
+        assert limits["lat_min"] == pytest.approx(np.nanmin(file["LATITUDE"][:]))
+        assert limits["lon_max"] == pytest.approx(np.nanmax(file["LONGITUDE"][:]))
+    assert name == "EPSG:4326"
+    inner = text.removeprefix("POLYGON ((").removesuffix("))")
+    ring = np.array([[float(word) for word in pair.split()] for pair in inner.split(", ")])
+    assert ring.shape == (5, 2)
+    np.testing.assert_array_equal(ring[0], ring[-1])
+    south, north, west, east = (round(limits[n], 5) for n in limits)
+    assert {tuple(one) for one in ring} == {(a, b) for a in (south, north) for b in (west, east)}
+    assert np.count_nonzero(np.diff(ring, axis=0)) == 4  # along one side at a time
+
+
 def test_vertical_velocity_is_up_in_climbs_and_down_in_dives(og1):
     with netCDF4.Dataset(og1) as file:
         depth, time, up = (
@@ -251,6 +271,10 @@ def test_without_a_flight_model_the_track_is_the_vehicle_s_own_or_straight(store
         found.tracks[0].position[-1] * half / (len(found.tracks[0].position) - 1),
         rtol=1e-6,
     )
+    # 3 cm/s from dive to dive of 2 h: halfway between fixes 76 m, and as the root of the time
+    passed = np.ptp(bare.time(0)[found.tracks[0].fixes.sample])
+    halfway = math.hypot(5.0, 0.03 * math.sqrt(7200.0 * passed / 8.0))
+    assert found.tracks[0].deviation[half] == pytest.approx(halfway, rel=1e-3)
     way = np.cumsum(np.ones(data["measured_pitch"].shape), axis=1)
     data["measured_onboard_north"] = (("mission", "time"), way)
     data["measured_onboard_east"] = (("mission", "time"), 0.0 * way)
@@ -273,6 +297,7 @@ def test_a_flight_of_twin_simulate_is_corrected_too(tmp_path):
         ]
         error = np.hypot(*metres)
         assert error.max() < 40.0
+        assert simulated_mission(run, 0).duration == pytest.approx(np.ptp(file["TIME"][:]))
         fixed = np.asarray(file["DEAD_RECKONING"][:]) == 0
         assert fixed.any()
         gps = np.asarray(file["LATITUDE_GPS"][:])[fixed]

@@ -504,3 +504,49 @@ def test_a_sway_against_the_track_is_suspect_and_corrected_by_the_mapping(tmp_pa
     dataset, report = sailfish(tmp_path, "20220719_6_1.csv", vl=turned)
     assert not report.count("suspect", "measured_dvl_sway")
     assert float(np.nanmin(dataset["measured_dvl_sway"])) == pytest.approx(-0.16)
+
+
+# --- files without a header ---------------------------------------------------------------------
+
+
+def iver2_rows(count=300):
+    """Rows of an Iver2: a dive nose down, and a turn to starboard with the rudder to starboard."""
+    rows = []
+    for k in range(count):
+        pitch = -10.0 if 50 <= k < 100 else 0.0
+        row = [0.5 * k, 0.0, 0.0, 2.0 + 0.1 * max(min(k, 100) - 50, 0), 1.0, pitch, 90.0 + 0.1 * k]
+        row += [999.0, 999.0, 999.0, -1.2, 0.1, -0.05, 5.0, 5.0, -4.0, -4.0, 50, 2.0, 6000]
+        rows.append(" ".join(f"{value:.3f}" for value in [*row, *[0.0] * 15]))
+    return rows
+
+
+def test_an_iver2s_log_has_no_header(tmp_path):
+    path = tmp_path / "IverControlData-20220913045149.log"
+    path.write_text("\n".join(iver2_rows()) + "\n 150.0 0.0 0.0 7.")  # cut in its last row
+    dataset, report = import_logs("csv", [path], mapping="iver2")
+    start = datetime.datetime(2022, 9, 13, 4, 51, 49, tzinfo=datetime.UTC).timestamp()
+    assert float(dataset["start_time"].values[0]) == pytest.approx(start)
+    means = {
+        "measured_dvl_surge": 1.2, "measured_dvl_sway": -0.1, "measured_dvl_heave": 0.05,
+        "measured_rudder": -5.0, "measured_elevator": 4.0,
+        "measured_propeller": 600.0 * 2.0 * np.pi / 60.0, "measured_dvl_mode": 1.0,
+    }  # fmt: skip
+    for name, value in means.items():
+        assert np.nanmean(dataset[name].values) == pytest.approx(value, rel=1e-5), name
+    assert "measured_dvl_surge" in report.channels
+    assert "commanded_heading" not in report.channels
+    assert [e.count for e in report.entries if e.detail == "rows that were cut off"] == [1]
+
+
+def test_files_without_a_header_fit_their_names_or_are_refused(tmp_path):
+    path = tmp_path / "IverControlData-20220913045149.log"
+    path.write_text("\n".join(f"{row} 1.0" for row in iver2_rows()))
+    refused("has more cells than the header has names", "csv", [path], mapping="iver2")
+    path.write_text("\n".join(row[:30] for row in iver2_rows()))
+    refused("no row has a time in column 'elapsed'", "csv", [path], mapping="iver2")
+    mapping = tmp_path / "own.toml"
+    mapping.write_text(text_of(mine(columns=["stamp", "z", "z"])))
+    refused("columns names 'z' twice", "csv", [path], mapping=mapping)
+    mapping.write_text(text_of(mine(columns=["stamp", "depth"])))
+    path.write_text("0 1\n1 2\n2 3\n")
+    refused("measured_depth: unknown column 'z'", "csv", [path], mapping=mapping)

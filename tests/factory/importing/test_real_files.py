@@ -313,3 +313,35 @@ def test_the_sailfish_files(tmp_path):
         assert logs.signal("measured_roll", first)[0] == pytest.approx(np.degrees(raw["roll"][0]))
         assert logs.signal("measured_dvl_surge", first)[0] == pytest.approx(raw["vf"][0])
         assert logs.signal("measured_dvl_sway", first)[0] == pytest.approx(raw["vl"][0])
+
+
+IVER2 = sorted((SHARED / "auv_iver2_2022").glob("IverControlData-*.log"))
+
+
+@pytest.mark.skipif(not IVER2, reason="needs the shared logs of an Iver2")
+def test_the_iver2_files_sink_by_their_pitch_and_turn_by_their_rudder():
+    """Signs of the mapping: depth rate, yaw rate and pitch rate of the logs themselves."""
+    dataset, report = import_logs("csv", IVER2, mapping="iver2")
+    assert report.rows == 10
+    found = {name: [] for name in ("sinks", "rate", "rudder", "turn", "elevator", "nods")}
+    for row in range(report.rows):
+        count = int(dataset["n_samples"][row])
+        signal = {n: dataset[n].values[row, :count].astype(float) for n in dataset.data_vars
+                  if n.startswith("measured_")}  # fmt: skip
+        pitch = np.radians(signal["measured_pitch"])
+        rate = np.gradient(signal["measured_depth"], report.period)
+        use = np.isfinite(signal["measured_dvl_surge"]) & (signal["measured_depth"] > 0.5)
+        found["sinks"] += list((-signal["measured_dvl_surge"] * np.sin(pitch))[use])
+        found["rate"] += list(np.convolve(rate, np.ones(5) / 5, "same")[use])
+        runs = signal["measured_propeller"] > 30.0
+        runs[-4:] = False
+        at, after = np.flatnonzero(runs), np.flatnonzero(runs) + 2
+        heading = np.unwrap(np.radians(signal["measured_heading"]))
+        for control, angle, rates in (("rudder", heading, "turn"), ("elevator", pitch, "nods")):
+            found[control] += list(signal[f"measured_{control}"][at])
+            found[rates] += list(np.gradient(angle, report.period)[after])
+    fitted = np.polyfit(found["sinks"], found["rate"], 1)[0]
+    assert fitted == pytest.approx(1.0, abs=0.1)
+    # of the parts of remus: positive to port, positive nose down
+    assert np.corrcoef(found["rudder"], found["turn"])[0, 1] < -0.4
+    assert np.corrcoef(found["elevator"], found["nods"])[0, 1] < -0.4

@@ -16,6 +16,7 @@ from factory.sampling.conditions import (
     spread_vehicle,
 )
 from factory.sampling.fly import build_mission
+from factory.sampling.parameters import parameter_table
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.current.axes import Origin
 
@@ -68,6 +69,8 @@ def test_a_tide_is_strongest_after_its_phase_and_turns_left_by_its_ratio():
     flow = alone("tide", direction_deg=TURN, ratio=0.5, phase_deg=90.0, constituent="M2")
     np.testing.assert_allclose(flow(M2 / 4.0, 10.0), toward(TURN), atol=1e-5)
     np.testing.assert_allclose(flow(M2 / 2.0, 90.0), toward(TURN - 90.0, SPEED / 2.0), atol=1e-5)
+    words = parameter_table(VEHICLE)["current.tide_phase_deg"].long_name
+    assert words == "lag of the tide's greatest flow after launch"
 
 
 def test_a_bottom_layer_has_its_speed_at_its_top_and_none_at_the_floor():

@@ -300,6 +300,7 @@ def test_the_error_model_is_what_validation_missions_showed(store, missions):
     model = fit_error_model(scores, seconds, ideal_compass=True)
     pitch = np.deg2rad(missions[0]["true_pitch"][0])
     assert model.velocity_sd == pytest.approx(0.01 / np.cos(pitch) / np.sqrt(2), rel=0.03)
+    assert model.surge_sd == pytest.approx(0.01 / np.cos(pitch), rel=0.03)  # sway's is none
     assert model.heading_sd == 0.0
     coverage = Coverage(model)
     evaluate(oracles(missions, shift=0.01), store, split="all", baselines=(), watch=coverage.add)

@@ -228,6 +228,35 @@ def test_a_compass_that_reads_too_much_turns_the_track_to_port(way, heading, tow
 
 
 @pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("degrees", [12.0, -25.0])
+def test_a_compass_turned_as_a_whole_turns_the_track_as_much_the_other_way(way, degrees):
+    """The heading that it reads is held, so that the vehicle flies `degrees` to port of it."""
+    plan = saw_tooth(max_depth_m=100.0, heading_deg=70.0)
+    plan = dataclasses.replace(plan, start_heading_deg=70.0)
+    fault = FAULTS["compass_turned"](degrees=degrees)
+    sound, wrong = (flown(way, plan, *faults, duration=900.0) for faults in ((), (fault,)))
+    assert turned(course(wrong) - course(sound)) == pytest.approx(-degrees, abs=1.5)
+    reads = turned(wrong["measured_heading"] - wrong["true_heading"])
+    np.testing.assert_allclose(reads, degrees, atol=1e-6)
+    late = wrong.time > 600.0
+    assert np.median(turned(wrong["measured_heading"][late] - 70.0)) == pytest.approx(0, abs=1.5)
+
+
+def test_a_compass_that_was_off_before_is_off_by_both():
+    """An offset of the scenario's own stays under a fault of another kind, and adds to a turn."""
+    plan = saw_tooth(max_depth_m=100.0, heading_deg=70.0)
+    plan = dataclasses.replace(plan, start_heading_deg=70.0)
+    own = {"compass_offset": math.radians(10.0), "duration": 900.0}
+    courses = [
+        course(flown("lanes", plan, *faults, **own))
+        for faults in ((), (FAULTS["hotel_raised"](start=300.0),),
+                       (FAULTS["compass_turned"](degrees=20.0, start=300.0),))
+    ]  # fmt: skip
+    assert courses[1] == courses[0]
+    assert turned(courses[2] - courses[0]) == pytest.approx(-20.0, abs=1.5)
+
+
+@pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("dbar", [5.0, -5.0])
 def test_a_gauge_that_reads_too_deep_turns_it_as_much_higher(way, dbar):
     fault = FAULTS["pressure_drift"](per_day=dbar / 10.0, start=-10.0 * DAY)
@@ -294,6 +323,7 @@ def test_an_altimeter_that_goes_blind_holds_its_last_echo_for_a_while():
     "fault",
     [
         FAULTS["compass_iron"](degrees=IRON, toward=-90.0),
+        FAULTS["compass_turned"](degrees=IRON),
         FAULTS["pressure_drift"](per_day=1.0, start=-10.0 * DAY),
     ],
     ids=lambda fault: fault.kind,

@@ -10,7 +10,7 @@ import pytest
 import twin
 from twin.faults import FAULTS, condition_at
 from twin.faults.base import DAY, KNOT
-from twin.physics.condition import healthy
+from twin.physics.condition import electric_signals, healthy
 from twin.physics.simulation import Simulation
 
 GLIDERS = ("slocum-200", "glider")
@@ -76,6 +76,19 @@ def test_a_lost_wing_rolls_it_to_its_side_in_dives_and_away_in_climbs(sound, sid
         assert sign * (climb + dive) > 1.0
 
 
+@pytest.mark.parametrize(("side", "sign"), [("port", 1.0), ("starboard", -1.0), ("both", 0.0)])
+def test_the_drag_of_the_wing_that_is_left_turns_it_to_that_side(side, sign):
+    """What one wing lost, the other still has, beside the axis: its moment about the vertical."""
+    sound = healthy(scenario("glider"))
+    law = sound.vehicle.flow_frame
+    now = condition_at([FAULTS["wing_lost"](side=side)], sound, 0.0).vehicle.flow_frame
+    lost = (law.drag[0] - now.drag[0]) / (1 if sign else 2)
+    assert lost == pytest.approx(0.1 * law.drag[0])  # the wings have a fifth of the wetted surface
+    place = [0.0, sign * 0.2 * sound.vehicle.hull_length, 0.0]
+    moment = np.cross(place, [-lost, 0.0, 0.0])[2]
+    assert now.yaw_moment_offset[0] - law.yaw_moment_offset[0] == pytest.approx(moment)
+
+
 def of(condition, axis, field):
     return getattr(condition.vehicle.steered(axis), field)
 
@@ -129,9 +142,10 @@ def test_a_fault_changes_its_number_by_its_size(name, fault, read, change):
 )
 def test_a_compass_that_reads_a_degree_more_seems_to_be_set_to_port(way, toward, apparent):
     """It is reckoned to go to starboard of its true way; the fix is on the true one."""
-    found = FAULTS["compass_iron"](toward=toward).expected(np.array([way]))
-    current = [found[f"current_{axis}"][0] for axis in ("north", "east")]
-    np.testing.assert_allclose(current, np.radians(1.0) * np.array(apparent), atol=1e-9)
+    for fault in (FAULTS["compass_iron"](toward=toward), FAULTS["compass_turned"]()):
+        found = fault.expected(np.array([way]))
+        current = [found[f"current_{axis}"][0] for axis in ("north", "east")]
+        np.testing.assert_allclose(current, np.radians(1.0) * np.array(apparent), atol=1e-9)
 
 
 @pytest.mark.parametrize("heading", [20.0, 110.0, 200.0, 290.0])
@@ -144,6 +158,33 @@ def test_guidance_reads_the_compass_that_the_log_shows(heading):
     off = math.degrees(sine * math.sin(true) + cosine * math.cos(true))
     assert off == pytest.approx(12.0 * math.sin(math.radians(heading - 70.0)))
     assert shown["measured_heading"][0] - heading == pytest.approx(off)
+
+
+def electric(*faults):
+    """Signals of batteries and hull in one flight, without noise and with batteries of the mean."""
+    flight = dataclasses.replace(scenario("glider"), duration=600.0)
+    run = twin.simulate(flight)
+    return [electric_signals(dataclasses.replace(flight, faults=f), run) for f in ((), faults)]
+
+
+def test_half_of_the_packs_give_the_same_current_through_twice_the_resistance():
+    """350 milliohm of all packs: with the pump at work it sags by as much again."""
+    sound, wrong = electric(FAULTS["pack_lost"](part=0.5))
+    current = sound["measured_battery_current"]
+    np.testing.assert_array_equal(wrong["measured_battery_current"], current)
+    sags = sound["measured_voltage"] - wrong["measured_voltage"]
+    np.testing.assert_allclose(sags, 0.35 * current, atol=1e-3)
+    assert sags.max() > 0.1
+    assert np.ptp(sound["measured_voltage"] + 0.35 * current) < 1e-3
+
+
+def test_a_litre_of_water_compresses_the_air_in_the_hull():
+    """By Boyle's law: the air, 35 % of the hull, has a litre less room; less vacuum is left."""
+    sound, wrong = electric(FAULTS["water_taken"](per_day=1.0, start=KNOT / 2.0 - DAY))
+    room = 0.35 * 1e3 * twin.load_vehicle("glider").neutral_volume  # [litre]
+    before, after = (101_325.0 - one["measured_vacuum"][0] for one in (sound, wrong))
+    assert after / before == pytest.approx(room / (room - 1.0), rel=1e-3)
+    assert wrong["measured_vacuum"][0] < sound["measured_vacuum"][0] - 3000.0
 
 
 def test_an_added_mass_is_two_bodies_turning_about_their_common_centre():

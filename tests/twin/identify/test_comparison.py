@@ -5,11 +5,21 @@ import dataclasses
 import identify_logs as simulated
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 from twin.identify import identify, load_calibration, load_logs
-from twin.identify.comparison import LEAST_GAIN, PRIOR, Gain, left_out
+from twin.identify.comparison import (
+    LEAST_GAIN,
+    PRIOR,
+    ComparedQuantity,
+    Comparison,
+    Gain,
+    correlation_samples,
+    left_out,
+    shares,
+)
 from twin.identify.pitch import PITCHING
-from twin.identify.residuals import dive_residuals, noise_of_dives
+from twin.identify.residuals import DepthRates, dive_residuals, noise_of_dives
 from twin.identify.rollout import refine
 from twin.identify.turning_fit import TURNING
 from twin.identify.unknowns import choose
@@ -56,11 +66,50 @@ def test_a_pitch_offset_is_chosen_where_there_is_one(tmp_path, runs, offset):
 
 def test_the_full_twin_recovers_what_was_flown(tmp_path, runs):
     logs = load_logs(simulated.stored(tmp_path / "log.zarr", runs[:2]))
-    refined = refine(logs, identify(logs, NOMINAL, parameters=list(TRUTH), fixes=False))
+    flight = identify(logs, NOMINAL, parameters=list(TRUTH), fixes=False)
+    refined = refine(logs, flight)
+    for name in TRUTH:  # what both leave at nominal is as unsure in both
+        ratio = refined.identification[name].deviation / flight[name].deviation
+        assert 0.5 < ratio < 2.0, name
     place = 1e3 * NOMINAL.vehicle.battery.neutral_x
     assert_recovered(refined.identification, shift_offset=place)
     assert refined.depth_rate_rmse < 0.01
     assert refined.pitch_rmse < np.deg2rad(1.0)
+
+
+class Straight(Comparison):
+    """Residuals that are linear in drag, trim, mass and a bias."""
+
+    biases = ("a bias",)
+
+    def __init__(self, design, parameters):
+        channels = {"depth_rate": ComparedQuantity(unit="m/s", least=1e-6, samples=1.0)}
+        super().__init__(NOMINAL, parameters, channels, {"depth_rate": [0]})
+        self.design, self.weights = design, {"depth_rate": [np.ones(len(design))]}
+
+    def missed(self, x):
+        calibration = self.calibration(x)
+        values = [100.0 * (p.get(calibration) / p.get(NOMINAL) - 1.0) for p in STRAIGHT]
+        return {"depth_rate": [self.design @ np.array([*values, x[-1]])]}
+
+
+STRAIGHT = choose(["neutral_density", "mass", "lift_ratio"])
+
+
+def test_held_parameters_move_a_fit_with_biases_by_their_usual_errors():
+    """Against the fits themselves, with each held parameter off by its usual error."""
+    design = np.random.default_rng(5).normal(size=(30, 4))
+    fitted, held = STRAIGHT[:1], STRAIGHT[1:]
+    problem = Straight(design, fitted)
+    _, added = problem.considered(np.zeros(2), held)
+    want = np.zeros((2, 2))
+    for parameter in held:
+        off = parameter.held / parameter.spread
+        wrong = Straight(design, fitted)
+        wrong.nominal = parameter.at(NOMINAL, parameter.get(NOMINAL), 1e-3 * off)
+        moved = least_squares(wrong.residual, np.zeros(2), jac=wrong.jacobian).x / 1e-3
+        want += np.outer(moved, moved)
+    np.testing.assert_allclose(added, want, rtol=0.02, atol=1e-3 * np.abs(want).max())
 
 
 def test_a_pitch_scale_that_is_asked_for_comes_back(tmp_path, runs):
@@ -185,3 +234,40 @@ def test_a_dives_residuals_change_as_their_jacobian_says(dives, which):
         "righting_arm": ["pitch", "yaw_rate"],
         "yaw_damping": ["yaw_rate"],
     }[parameter.name]
+
+
+def test_an_outlier_of_three_deviations_counts_half_and_of_nine_a_tenth():
+    (kept,) = shares([np.array([0.0, 0.6, -0.6, 1.8])], 0.2)
+    np.testing.assert_allclose(kept, [1.0, 0.5, 0.5, 0.1])
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.6, 0.9])
+def test_correlated_residuals_count_as_many_as_a_first_order_process_has_independent_ones(memory):
+    """1 + 2 (a + a^2 + ...) = (1 + a) / (1 - a), over the pieces of a log."""
+    rng, pieces = np.random.default_rng(7), []
+    for length in (30_000, 50_000):
+        kick, piece = rng.standard_normal(length), np.zeros(length)
+        for k in range(1, length):
+            piece[k] = memory * piece[k - 1] + kick[k]
+        pieces.append(piece)
+    expected = (1.0 + memory) / (1.0 - memory)
+    assert correlation_samples(pieces, 400) == pytest.approx(expected, rel=0.15)
+
+
+def test_the_current_is_what_the_fixes_say_beyond_the_way_through_the_water(runs, dives):
+    """There and back again in currents that are known: their changes are left, of no way swum."""
+    truth = load_calibration(
+        simulated.changed(load_vehicle("glider"), drag=1.2, neutral_density=1025.2)
+    )
+    swum, one = runs[0].position[-1, :2], dives[0]
+    known = np.random.default_rng(5).normal(0.0, 0.2, (8, 2))
+    logs = [
+        dataclasses.replace(
+            one, heading=one.heading + k * np.pi, follows=k > 0,
+            displacement=tuple((-1) ** k * swum + current * one.duration),
+        )
+        for k, current in enumerate(known)
+    ]  # fmt: skip
+    problem = DepthRates(logs, truth, choose(["drag"]), fixes=True)
+    changes = problem.missed(np.zeros(problem.size))["current"]
+    np.testing.assert_allclose(changes, np.diff(known, axis=0), atol=0.02)

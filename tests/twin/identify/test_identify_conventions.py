@@ -15,6 +15,7 @@ from twin.identify.conventions import (
     to_gliderflight,
     write_figures,
 )
+from twin.vehicle.vehicle import load_vehicle
 
 ALPHA = math.radians(3.0)
 """[rad]"""
@@ -44,6 +45,23 @@ def test_basestation_figures_give_the_same_drag_lift_and_volume():
     depth = 100.0 * 1e4 / (calibration.vehicle.reference_density * calibration.vehicle.gravity)
     ours = calibration.vehicle.mass - calibration.net_mass(1000.0, depth, 50.0, 4.0 - 10.0)
     assert volume == pytest.approx(ours / 1000.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("reference", [10.0, 15.0, 2.0])
+def test_a_hull_has_its_neutral_volume_at_the_temperature_of_its_file(reference):
+    """By hand: mass over density at that temperature; 7.05e-5 of it less for each kelvin colder."""
+    vehicle = load_vehicle("seaglider").replace(hull_reference_temperature=reference)
+    calibration = load_calibration(vehicle)
+    assert load_vehicle("seaglider").hull_reference_temperature == 15.0
+    for temperature in (reference, 25.0, 4.0):
+        volume = vehicle.mass / 1025.0 * (1.0 + 7.05e-5 * (temperature - reference))
+        net = calibration.net_mass(1026.0, 0.0, 0.0, temperature - 10.0)
+        assert net == pytest.approx(vehicle.mass - 1026.0 * volume, abs=1e-4)  # of 4 g a kelvin
+    figures = to_basestation(calibration)  # of a hull at 15 degC
+    volume = figures["volmax"] - figures["vbd_at_volmax"] - figures["vbdbias"]
+    by_file = 1e6 * vehicle.mass / 1025.0 * (1.0 + 7.05e-5 * (15.0 - reference))
+    assert volume + vehicle.steered("buoyancy").neutral == pytest.approx(by_file, abs=0.1)
+    assert load_calibration(calibration.vehicle).vehicle is calibration.vehicle
 
 
 def test_gliderflight_figures_give_the_same_drag_lift_and_volume():

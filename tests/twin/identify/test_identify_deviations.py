@@ -9,11 +9,11 @@ import pytest
 from scipy.optimize import least_squares
 
 from twin.frames import euler_to_matrix
-from twin.identify import choose, load_calibration, load_logs, motion_of
-from twin.identify.fit import _covariance, _too_shallow
+from twin.identify import choose, load_calibration, load_logs
+from twin.identify.fit import _covariance, _stalled, _too_shallow
 from twin.identify.logged_missions import AFLOAT, log_of
 from twin.identify.residuals import DepthRates
-from twin.identify.speed import horizontal
+from twin.identify.speed import horizontal, motion_of
 from twin.identify.translation import Translation
 from twin.identify.unknowns import PARAMETERS
 from twin.mission import Mission
@@ -64,6 +64,44 @@ def test_a_kept_value_adds_the_change_that_its_usual_error_makes(logs, kept):
     size = np.sqrt(np.diag(whole))
     off = (whole - exact - np.outer(moved, moved)) / np.outer(size, size)
     assert np.abs(off).max() < 0.03
+
+
+def legs_of(log, calibration, under, rng, dives=12):
+    """Dives on legs of two, in a current of each dive's own, under a compass that is off."""
+    offset = rng.normal(0.0, 2.0)
+    made = []
+    for k in range(dives):
+        turned = dataclasses.replace(log, heading=log.heading + 1.3 * (k // 2))
+        swum = horizontal(turned, calibration.replace(heading_offset=np.deg2rad(offset)), under)
+        current = rng.normal(0.0, 0.012, 2)
+        ground = [
+            log.period * v.sum() + c * log.duration for v, c in zip(swum, current, strict=True)
+        ]
+        made.append(dataclasses.replace(turned, displacement=tuple(ground), follows=k > 0))
+    return made, offset
+
+
+def test_the_compass_is_as_far_off_as_its_deviation_says(logs):
+    """A turn is seen in the currents of two dives, and each current's scatter counts once."""
+    nominal, fitted = load_calibration("glider"), choose(["heading_offset"])
+    under, z, problem = motion_of(logs[0], nominal), [], None
+    for seed in range(80):
+        dives, offset = legs_of(logs[0], nominal, under, np.random.default_rng(seed))
+        problem = problem or DepthRates(dives, nominal, fitted, fixes=True)
+        problem.logs = dives  # which differ in displacement alone: flown once
+        x, _ = problem.fit(np.zeros(1), 2)
+        (off,) = np.sqrt(np.diag(problem.considered(x, ())[0]))
+        assert off < 0.8
+        z.append((x[0] - offset / fitted[0].spread) / off)
+    assert 0.85 < np.sqrt(np.mean(np.square(z))) < 1.3  # counted twice: 0.75
+    assert abs(np.mean(z)) < 0.4
+
+
+@pytest.mark.parametrize(("part", "named"), [(0.6, (1,)), (0.9, ())])
+def test_a_dive_that_falls_as_stalled_wings_do_is_named(logs, part, named):
+    slow = dataclasses.replace(logs[0], index=1, depth_rate=part * logs[0].depth_rate)
+    problem = DepthRates([logs[0], slow], load_calibration("glider"), ())
+    assert _stalled(problem, np.zeros(0)) == named
 
 
 def test_depth_rates_are_those_of_the_measured_density(flown):

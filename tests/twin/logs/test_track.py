@@ -8,7 +8,7 @@ import pytest
 
 from twin.errors import UnknownName
 from twin.logs import Drift, Fixes, corrected_track, estimate_flight, linear_track
-from twin.logs.corrected_track import USUAL_CHANGE, currents, drift_of
+from twin.logs.corrected_track import USUAL_CHANGE, currents, drift_of, track_velocity
 from twin.logs.flight_summary import HIGHEST, phase_speed
 from twin.logs.track import (
     PHASE,
@@ -49,6 +49,19 @@ def way_of(current: np.ndarray, rng: np.random.Generator, wrong: np.ndarray | fl
 def tidal(count: int) -> np.ndarray:
     phase = 2.0 * np.pi * PERIOD * np.arange(count) / (12.4206012 * 3600.0)
     return TIDE * np.stack([np.cos(phase), 0.3 * np.sin(phase)], axis=1)
+
+
+def test_the_velocity_of_a_track_on_board_has_no_jump_at_a_fix():
+    """East at 0.2 m/s, and 0.4 m/s after a fix that shifts the track; gaps are bridged."""
+    east = np.array([0.0, 12.0, 24.0, 36.0, 536.0, 560.0, 584.0, 608.0])
+    north = np.where(np.arange(8) < 4, 0.0, -300.0)
+    track = np.stack([north, east], axis=1)
+    track[[1, 6]] = np.nan
+    fixes = Fixes(sample=np.array([0, 4]), position=track[[0, 4]])
+    found = track_velocity(track, PERIOD, fixes)
+    np.testing.assert_allclose(found[:, 0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(found[:, 1], [0.2] * 4 + [0.4] * 4)
+    assert track_velocity(np.full((3, 2), np.nan), PERIOD, fixes) is None
 
 
 def test_in_a_tide_it_errs_by_far_less_than_the_linear_correction():

@@ -11,6 +11,7 @@ from twin.navigation.current import (
     CurrentFilter,
     CurrentParameters,
     Leg,
+    Reaches,
     begin_leg,
     chosen_constituents,
     pass_leg,
@@ -270,3 +271,16 @@ def test_the_prior_costs_nothing_at_its_centre():
 def test_errors_teach(call, message):
     with pytest.raises(InputError, match=message):
         call(CurrentFilter(SOME, latitude=LATITUDE))
+
+
+@pytest.mark.parametrize(("known", "reach"), [(8, (0.5, 2.0 * math.log(10.0))), (10, (0.6, 1.0))])
+def test_a_reach_counts_the_fix_to_come_among_the_known_ones(known, reach):
+    """Of 11 alike the new one is below the sixth of ten in 6 of 11 cases, half at least; of nine it
+    would have to be below a ninth, which is not known: the normal distribution's is taken."""
+    found = Reaches.of(0.1 * k for k in range(known, 0, -1))
+    assert found.now == pytest.approx(reach, rel=1e-4)
+    rng, held = np.random.default_rng(8), np.zeros(2)
+    for _ in range(2000):
+        *earlier, new = rng.chisquare(2.0, known + 1).tolist()
+        held += Reaches.of(earlier).held(new)
+    assert (held / 2000.0 > np.array([0.5, 0.9]) - 0.015).all()

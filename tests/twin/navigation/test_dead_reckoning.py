@@ -270,6 +270,24 @@ def reckoned(signals, vehicle=TORPEDO_VEHICLE):
     return horizontal_error(estimate.ground_track, true_ground_track(signals)), estimate
 
 
+def test_a_torpedo_on_the_bottom_without_lock_does_not_go_on():
+    signals = logged((BOTTOM, 400), (LOST, 2000))
+    way = reckoned(signals)[1].ground_track
+    assert np.hypot(*(way[-1] - way[1000])) > 500.0
+    lying = {name: np.array(values) for name, values in signals.items()}
+    lying["measured_depth"][400:] = lying["measured_depth"][400]
+    lying["measured_pitch"][400:] = -21.0
+    channels = {name: lying[name] for name in Dvl.needs(TORPEDO_VEHICLE)}
+    found = Dvl(TORPEDO_VEHICLE, PERIOD).batch(channels).ground_track
+    assert np.hypot(*(found[-1] - found[500])) < 1e-6
+    moving, still = (
+        Dvl(TORPEDO_VEHICLE, PERIOD).last({n: values[380:end] for n, values in channels.items()})
+        for end in (402, 500)
+    )
+    assert moving.surge == pytest.approx(1.0, abs=0.3)
+    assert (still.surge, still.sway) == (0.0, 0.0)
+
+
 # --- a glider ---------------------------------------------------------------------------------
 
 

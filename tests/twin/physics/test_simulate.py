@@ -1,5 +1,6 @@
 """Simulations: determinism, batches, actuators, buoyancy, surface, instability, replay."""
 
+import dataclasses
 import json
 
 import mujoco
@@ -318,6 +319,27 @@ def test_a_current_beyond_the_vehicle_comes_before_the_target_that_it_costs():
     )
     assert stronger.startswith("the current of 2.00 m/s is stronger than the vehicle")
     assert "km short of target 1 of 1" in short
+
+
+@pytest.mark.parametrize(("seconds", "said"), [(400, False), (900, True)])
+def test_a_fall_with_stalled_wings_is_told(seconds, said):
+    """A fall of 15 minutes with the flow 40 deg from below; one of 7 is an inflection's."""
+    scenario = Scenario(mission=DIVES)
+    run = Simulation(scenario).run()
+    count, period = 2400, run.time[1] - run.time[0]
+    run = dataclasses.replace(
+        run,
+        time=np.arange(count) * period,
+        signals={name: np.resize(values, count) for name, values in run.signals.items()},
+    )
+    run.signals["true_depth"] = np.full(count, 30.0)
+    stalled = (run.time >= 100.0) & (run.time <= 100.0 + seconds)
+    angle = np.deg2rad(np.where(stalled, -40.0, -3.0))
+    run.signals["true_surge"], run.signals["true_heave"] = np.cos(angle), np.sin(angle)
+    texts = [text for text in remarks(scenario, run) if "stalled wings" in text]
+    assert bool(texts) == said
+    if said:
+        assert "an angle of attack of 40 deg, for 75% of the run, first at 100 s" in texts[0]
 
 
 def test_a_dive_beyond_the_largest_depth_is_aborted():

@@ -11,7 +11,7 @@ from twin.__main__ import PROGRAM
 from twin.errors import UnknownName, VehicleError
 from twin.records.mission_dataset import summarise
 from twin.records.reader import MissionStore
-from twin.vehicle.consumption import Consumption
+from twin.vehicle.consumption import Consumption, needed_signals
 from twin.vehicle.parts import Move
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 
@@ -63,6 +63,17 @@ def test_a_battery_takes_the_work_of_raising_it(part, before, after, pitch, rais
     taken = vehicle.part(part).energy(vehicle, move, LOSSLESS)
     weight = vehicle.battery.mass * vehicle.gravity
     assert taken == pytest.approx(weight * metres, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize(("pitch", "part"), [(30.0, 0.5), (-30.0, 0.0), (90.0, 1.0)])
+def test_signals_tell_the_pitch_in_degrees(pitch, part):
+    """10 cm forward is 5 cm up where the nose is 30 degrees up, and down where it is down."""
+    vehicle, time = load_vehicle("glider"), np.array([0.0, 10.0])
+    signals = {name: np.zeros(2) for name in needed_signals(vehicle)}
+    signals |= {"true_pitch": np.full(2, pitch), "true_shift": np.array([-0.05, 0.05])}
+    taken = LOSSLESS.signals(vehicle, signals, time)["true_energy_shift"]
+    weight = vehicle.battery.mass * vehicle.gravity
+    np.testing.assert_allclose(taken, [0.0, 0.1 * part * weight], rtol=1e-9, atol=1e-9)
 
 
 def test_energy_rises_with_time_and_its_parts_add_up(dive):

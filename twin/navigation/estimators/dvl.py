@@ -5,7 +5,8 @@ water lock it gives the velocity through the water below the vehicle. The curren
 the last bottom lock, where it was the log's velocity minus the velocity through the water. For a
 glider the flight model gives the latter; other vehicles use the log's water lock of the last few
 seconds. A Hampel filter removes outliers, and short losses of lock are interpolated. Long losses
-are filled by the flight model, or without one by the last measured velocity.
+are filled by the flight model, or without one by the last measured velocity, and by 0 where depth
+rate and pitch show that the vehicle stands (`twin.navigation.standstill`).
 
 Training labels are cleaned like the paper's Tethys data: outliers are removed, and the rest is
 smoothed with a Gaussian. Both steps use later samples, so no network reads their result. The
@@ -35,6 +36,7 @@ from twin.navigation.dead_reckoning import (
 )
 from twin.navigation.estimators.base import BodyVelocity, Estimate, WindowedEstimator
 from twin.navigation.estimators.flight import SteadyFlight
+from twin.navigation.standstill import standing
 from twin.vehicle.vehicle import Vehicle
 
 Smoothing = Literal["gaussian", "causal", "none"]
@@ -118,6 +120,7 @@ class Dvl(WindowedEstimator):
         guess = through + current
         if no_glider(self.vehicle):
             held = np.stack([hold(on_ground[:, i], usable) for i in range(3)], axis=1)
+            held[self._standing(signals)] = 0.0
             after_bottom = hold(bottom.astype(float), locked) > 0.0
             guess = np.where(after_bottom[:, None], rotate_to_ned(held, attitude)[:, :2], guess)
         track = integrate(np.where(usable[:, None], over, guess), period)
@@ -138,10 +141,15 @@ class Dvl(WindowedEstimator):
         good = np.isfinite(log).all(axis=1) & (np.nan_to_num(signals["measured_dvl_mode"]) > 0.0)
         for i in range(3):
             good &= ~spikes(np.nan_to_num(log[:, i]), good)
-        if not good.any():
+        if not good.any() or (not good[-1] and self._standing(signals)[-1]):
             return BodyVelocity(surge=0.0, sway=0.0)
         surge, sway, heave = log[np.flatnonzero(good)[-1]].tolist()
         return BodyVelocity(surge=surge, sway=sway, heave=heave)
+
+    def _standing(self, signals: Signals) -> Mask:
+        """Samples at which depth rate and pitch show that the vehicle stands, (time,)."""
+        pitch = np.deg2rad(finite_channel(signals, "measured_pitch"))
+        return standing(pitch, self.period, depth=finite_channel(signals, "measured_depth"))
 
     def _flown(self, signals: Signals) -> Array:
         """Surge and sway [m/s] by a glider's flight model, (time, 2)."""
@@ -159,6 +167,7 @@ class Dvl(WindowedEstimator):
             return self._flown(signals), np.ones(len(log), bool)
         water = water & ~spikes(log[:, 0], water) & ~spikes(log[:, 1], water)
         held = np.stack([hold(log[:, i], water) for i in (0, 1)], axis=1)
+        held[self._standing(signals)] = 0.0
         age = np.arange(len(log)) - hold(np.arange(len(log), dtype=float), water, -np.inf)
         return held, np.asarray(age * self.period <= SHORT_LOSS_S)
 

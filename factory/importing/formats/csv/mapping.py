@@ -150,6 +150,8 @@ class Mapping:
     ignored: Dict[str, str] = dataclasses.field(default_factory=dict)
     """Patterns of columns that are left out, each with the reason."""
     corrections: tuple[Correction, ...] = ()
+    columns: tuple[str, ...] = ()
+    """Names of the columns of files without a header, whose cells are separated by blanks."""
     frame: Frame = "FRD"
     """Body axes of the file."""
     dvl_lock: Literal["bottom", "water"] | None = None

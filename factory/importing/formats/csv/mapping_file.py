@@ -131,7 +131,7 @@ def shipped_names() -> list[str]:
 def parse_mapping(data: Dict[str, Any], label: str, *, timed: bool = False) -> Mapping:
     """Make a mapping from the contents of its TOML file; errors as in `load_mapping`."""
     label = f"mapping {label}"
-    own = ("start",) if timed else ("time", "deployment", "corrections")
+    own = ("start",) if timed else ("time", "deployment", "corrections", "columns")
     common = ("vehicle", "frame", "dvl_lock", "model", "rows", "gap_s", "period_s", "signals")
     known_keys(label, data, (*common, "ignored", *own))
     for key in ("vehicle", "signals") if timed else ("vehicle", "time", "signals"):
@@ -172,6 +172,12 @@ def parse_mapping(data: Dict[str, Any], label: str, *, timed: bool = False) -> M
             raise InputError(f"{label}: dvl_lock and measured_dvl_mode mean the same; give one")
         if "measured_dvl_surge" not in signals:
             raise InputError(f"{label}: dvl_lock needs measured_dvl_surge; map it, or leave it out")
+    columns = [
+        text(label, "columns", c) for c in list_of(label, "columns", data.get("columns", []))
+    ]
+    for column in columns:
+        if columns.count(column) > 1:
+            raise InputError(f"{label}: columns names {column!r} twice; give each its own name")
     deployment, word = _deployment(label, data.get("deployment", "file"))
     rows, minutes = _rows(label, data.get("rows", "gaps" if timed else "dives"))
     if not timed and rows == "dives" and not {"measured_depth", "measured_pressure"} & set(signals):
@@ -190,6 +196,7 @@ def parse_mapping(data: Dict[str, Any], label: str, *, timed: bool = False) -> M
             _correction(f"{label}, corrections[{k}]", one, signals)
             for k, one in enumerate(list_of(label, "corrections", data.get("corrections", [])))
         ),
+        columns=tuple(columns),
         frame=one_of(label, "frame", data.get("frame", "FRD"), FRAMES),
         dvl_lock=dvl_lock,
         model=model,

@@ -39,7 +39,8 @@ class LogPiece(NamedTuple):
 
 def pieces_of(path: Path, mapping: Mapping, tally: Tally) -> list[tuple[str, LogPiece]]:
     """Pieces of one file by deployment; each column is counted as read, left out or not mapped."""
-    table = read_table(path)
+    table = read_table(path, mapping.columns)
+    tally.add("left out", path.name, table.short, "rows that were cut off")
     present = [*table.columns, *table.texts]
     signals = mapping.signals_of(path)
     _account(path, present, mapping, signals, tally)
@@ -105,7 +106,7 @@ def _account(
     note_unread(KIND, present, used | set(ignored), tally)
     for column, why in ignored.items():
         leave_out((column,), f"files: {why}", tally)
-    header = column_names(path)
+    header = mapping.columns or column_names(path)
     for name in sorted({name for name in header if header.count(name) > 1}):
         if name in used:
             raise InputError(f"{path.name} has two columns {name!r}; rename one in the file")
@@ -169,14 +170,21 @@ def _unix_times(time: Array, path: Path, tally: Tally) -> Array:
         ) from error
 
 
+_STAMP = 14
+"""Digits of a date and a time in a file's name."""
+
+
 def _start_by_name(path: Path, pattern: str) -> float:
     found = re.search(pattern, path.name)
     if found is None:
         raise InputError(
             f"{path.name}: its name does not fit start_from_name = {pattern!r} of the mapping"
         )
+    word = found.group(1)
+    if len(word) == _STAMP and word.isdecimal():  # ISO 8601 has a T between date and time
+        word = f"{word[:8]}T{word[8:]}"
     try:
-        return in_utc(datetime.datetime.fromisoformat(found.group(1)))
+        return in_utc(datetime.datetime.fromisoformat(word))
     except ValueError:
         raise InputError(
             f"{path.name}: {found.group(1)!r}, which start_from_name finds, is not an ISO 8601 date"

@@ -32,6 +32,7 @@ from twin import Mission, Origin, Vehicle, Waypoint
 from twin.cli import counted
 from twin.errors import InputError, MissionError, StoreError, unknown_name
 from twin.geodesy import great_circle
+from twin.mission import built_for, check_depth
 from twin.navigation import chi_squared
 from twin.navigation.current import CurrentFilter
 from twin.physics import ENGINES, parse_place, utc_text
@@ -47,10 +48,6 @@ LONGEST_HOURS, LEAST_MEMBERS, MOST_MEMBERS = 240.0, 10, 100_000
 FASTEST, SLOWEST = 3.0, 0.1
 """[m/s] Largest speed over ground: a glider's plus a current of 2 m/s; least vertical velocity of a
 climb, from which the flight time beyond the horizon follows"""
-DEEPEST = 1500.0
-"""[m] Rated depth for a file without one: the deepest shipped vehicle's"""
-TOO_DEEP = 1.2
-"""[1] Largest allowed ratio of a mission's depth to the rated depth"""
 LATE = 0.25
 """[1] Fraction of a dive by which late members surface after the others"""
 
@@ -95,13 +92,7 @@ class Request:
                 f"has no sea floor: leave {self.mission.needs_floor} out"
             )
         self.notes()  # raises MissionError for a target beyond the plane of the start
-        rated = self.vehicle.rated_depth or DEEPEST
-        if self.deepest > TOO_DEEP * rated:
-            raise MissionError(
-                f"the mission dives to {self.deepest:g} m, and {self.vehicle.name} is built for "
-                f"{rated:g} m: the limit is {TOO_DEEP:g} times that, {TOO_DEEP * rated:g} m; give "
-                "a lesser depth, or a vehicle whose file has a larger rated_depth"
-            )
+        check_depth(self.deepest, self.vehicle)
 
     def notes(self) -> tuple[str, ...]:
         """Warnings about depth and targets; MissionError for a target beyond the start's plane."""
@@ -120,12 +111,12 @@ class Request:
                     f"target 1 is {away / 1e3:.0f} km away, farther than anything goes in "
                     f"{span}: is it the place that is meant?"
                 )
-        rated, deepest = self.vehicle.rated_depth, self.deepest
-        if deepest > (rated or DEEPEST):
+        rated, deepest = built_for(self.vehicle), self.deepest
+        if deepest > rated:
             known = (
                 f"{self.vehicle.name} is built for {rated:g} m"
-                if rated
-                else f"no vehicle that is known here is built for more than {DEEPEST:g} m; yours "
+                if self.vehicle.rated_depth
+                else f"no vehicle that is known here is built for more than {rated:g} m; yours "
                 'has it as <numeric name="rated_depth" data="METRES"/> in its file'
             )
             said.append(
@@ -136,8 +127,8 @@ class Request:
 
     @property
     def deepest(self) -> float:
-        """[m] Largest depth of the mission's dives."""
-        return max(getattr(one, "max_depth_m", 0.0) for one in self.mission.segments)
+        """[m] Largest depth of the mission."""
+        return self.mission.deepest
 
     @property
     def horizon(self) -> float:

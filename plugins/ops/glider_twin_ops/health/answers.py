@@ -97,7 +97,7 @@ class Beliefs:
         return np.array([self.parameters[k].value(self.nominal[k], float(x)) for x in offsets])
 
     def deviation(self, name: str, *, smoothed: bool = False) -> Array:
-        """Standard deviation of a parameter after each dive, in its unit, (dives,)."""
+        """Standard deviation after each dive, in its unit, (dives,), other numbers being exact."""
         k = self.place(name)
         covariance = (self.smoothed_covariance if smoothed else self.covariance)[:, k, k]
         off, values = self.parameters[k].deviation, self.value(name, smoothed=smoothed)

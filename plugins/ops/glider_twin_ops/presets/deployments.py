@@ -191,10 +191,6 @@ def log_of(draw: DeploymentDraw, signals: dict[str, Array], plan: DeploymentPlan
         finite = np.isfinite(values)
         if finite.any() and (plan.period < 60.0 or known in SATELLITE_SIGNALS):
             channels[known] = Channel(time[finite], values[finite])
-    if (turned := draw.fault) is not None and turned.kind == "compass_turned":
-        # guidance holds the reading: the vehicle flew true headings, and was ordered turned ones
-        wanted = signals["commanded_heading"] + turned.at(signals["time"])
-        channels["commanded_heading"] = Channel.finite(time, np.mod(wanted, 360.0))
     dive = np.nan_to_num(signals["commanded_segment"]).astype(int) // 2
     if plan.piloted:
         channels = draw.gaps.applied(channels, time, dive)

@@ -167,16 +167,22 @@ def _names(source: Path, *, recursive: bool) -> list[str]:
 
 
 def _kind_of(source: Path, names: Sequence[str]) -> str:
-    """Type of the first file whose type is recognised; empty where none is."""
+    """Type of the first file whose type is recognised; empty where none is.
+
+    Logs of vehicles come before those of instruments that they carry.
+    """
+    carried = ""
     for path in (source / name for name in names):
         try:
             if path.stat().st_size and (kind := sniff(path)) is not None:
-                return kind
+                if not IMPORTERS[kind].instrument:
+                    return kind
+                carried = carried or kind
         except OF_THE_MACHINE:
             raise
         except Exception:
             continue  # the type of a cut file may be hidden; another file may show it
-    return ""
+    return carried
 
 
 def _sums(places: dict[str, Path], refused: dict[str, str]) -> dict[str, str]:

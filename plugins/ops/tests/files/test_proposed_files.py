@@ -143,9 +143,7 @@ def test_seaglider_targets_are_read_back(tmp_path):
 
 def test_targets_as_people_write_them(tmp_path):
     path = tmp_path / "targets"
-    path.write_text(
-        "A lat= 4807.0 lon=-12223.0 radius=200 goto=B escape=A\nB radius=1 goto=B lat=1 lon=2\n"
-    )
+    path.write_text("A lat= 4807.0 lon=-12223.0 radius=200 goto=B\nB radius=1 goto=B lat=1 lon=2\n")
     first, second = read_targets(path)
     assert first.latitude == pytest.approx(48 + 7 / 60)
     assert first.longitude == pytest.approx(-(122 + 23 / 60))
@@ -255,7 +253,11 @@ PLACE = "A lat=4807.0 lon=-12223.0 radius=200"
         (read_targets, PLACE, "line 1: A has no goto="),
         (read_targets, f"{PLACE} goto=A".replace("07.0", "61.0"), "61 minutes"),
         (read_targets, f"{PLACE} goto=A".replace("200", "far"), "radius=far must be metres"),
-        (read_targets, f"{PLACE} goto=A colour=red", "'colour' is not one of"),
+        (read_targets, f"{PLACE} goto=A colour=red", "'colour' is not one of .*, goto$"),
+        *(
+            (read_targets, f"{PLACE} goto=A {key}=A", f"line 1: '{key}' .* leave it out")
+            for key in ("escape", "depth", "finish", "timeout")
+        ),
         (read_targets, f"{PLACE} goto=A".replace("48", "91"), "is no place"),
         (read_commands, "$D_TGT,990\n", "no directive"),
         (read_commands, "$D_TGT,deep\n$GO\n", "line 1: \\$D_TGT,deep must be a number"),

@@ -1,12 +1,15 @@
 """Forecasts: surfacings of members, their ellipses, what is written of them, and the command."""
 
 import dataclasses
+import datetime
 import html
 import json
+import math
 import re
 import threading
 import warnings
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,10 +29,12 @@ from glider_twin_ops.forecast import (
     known_from_logs,
     known_without_logs,
     mission_to,
+    notice_boxes,
 )
 from glider_twin_ops.forecast.member_flights import (
     HALF,
     NINETY,
+    degrees,
     fly,
     left_out,
     prediction_quantile,
@@ -336,6 +341,18 @@ def test_what_is_said_to_be_drawn_is_what_is_drawn():
     assert "+-6.0 %" in said["speed"]  # and not the scatter of ten members
 
 
+def test_members_fly_to_starboard_where_the_compass_was_known_to_read_too_little(monkeypatch):
+    """True heading less reading is 20 degrees: the reading is held, so that all turns right."""
+    known = np.radians(20.0), 1e-9
+    monkeypatch.setattr("glider_twin_ops.forecast.members.known_compass", lambda _: known)
+    one = members_of(asked(hours=0.5, members=10), prior()).scenarios[0]
+    run = twin.simulate(dataclasses.replace(one, current=None))
+    first, last = np.searchsorted(run.time, (600.0, 1400.0))  # of a dive to the north
+    north, east = (run[f"true_{axis}"][last] - run[f"true_{axis}"][first]
+                   for axis in ("north", "east"))  # fmt: skip
+    assert np.degrees(np.arctan2(east, north)) == pytest.approx(20.0, abs=2.0)
+
+
 def test_a_file_of_another_time_is_refused_with_the_way_out(tmp_path):
     axes = {"time": [np.datetime64("2026-11-20", "ns")], "latitude": [36.0, 38.0],
             "longitude": [-124.0, -121.0]}  # fmt: skip
@@ -345,6 +362,28 @@ def test_a_file_of_another_time_is_refused_with_the_way_out(tmp_path):
         members_of(asked(field=parse_current(f"grid:{tmp_path}/now.nc")), prior())
     field = parse_current(f"grid:{tmp_path}/now.nc,hold=216000")
     assert len(members_of(asked(field=field), prior()).scenarios) == 24
+
+
+@pytest.mark.parametrize("count", [9, 39])
+def test_a_box_of_a_notice_holds_another_vehicle_as_often_as_it_says(count):
+    """Of `count` + 1 alike one is the farthest to each of four sides: no distribution matters."""
+    rng, trials = np.random.default_rng(4), 400
+    held, says = 0, set()
+    for _ in range(trials):
+        places = 5e3 * rng.standard_normal((count + 1, 2))
+        *ways, other = [(np.array([0.0, 3600.0]), np.stack([one, one])) for one in places]
+        request = SimpleNamespace(place=PLACE, horizon=3600.0)
+        found = SimpleNamespace(ways=ways, request=request, begins=datetime.datetime(2026, 11, 22))
+        (box,) = notice_boxes(found)
+        ((longitude, latitude), _) = degrees(other[1], PLACE)
+        held += box.west <= longitude <= box.east and box.south <= latitude <= box.north
+        says.add(box.holds)
+    (part,) = says
+    inside = ((count - 1.0) / (count + 1.0)) ** 2  # north and east are independent here
+    noise = math.sqrt(inside * (1.0 - inside) / trials)
+    assert held / trials == pytest.approx(inside, abs=4.0 * noise)
+    assert part <= inside  # whatever their correlation
+    assert part == pytest.approx(inside, abs=0.05)
 
 
 def test_geojson_holds_points_ellipses_and_the_track(steps):

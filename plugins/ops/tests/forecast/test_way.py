@@ -23,6 +23,7 @@ from glider_twin_ops.forecast.expected_dive import (
 )
 from glider_twin_ops.forecast.logged_leg import REPORTED, DiveTime, dive_times, usual_duration
 from glider_twin_ops.forecast.member_flights import MemberFlight
+from glider_twin_ops.forecast.pool import Mixture
 from twin.navigation.current import Leg
 from twin.records import LogStore
 from twin.records.coordinates import utc_minute
@@ -235,6 +236,18 @@ def test_dives_that_keep_the_time_are_drawn_closer_than_those_that_do_not():
     assert spread[0] < 0.2 < spread[1]
 
 
+def test_one_dive_of_four_that_may_last_half_as_long_again_is_late_and_none_is_early():
+    late = Mixture(
+        names=("usual", "longer"), weights=np.array([0.75, 0.25]),
+        means=np.array([[2.0 * HOUR], [3.0 * HOUR]]), covariances=np.full((2, 1, 1), 60.0**2),
+    )  # fmt: skip
+    found = Rhythm(stays=np.array([600.0, 700.0]), late=late)
+    drawn = found.draw(4000, 1, 0.0, np.random.default_rng(3)).late
+    parts = np.histogram(drawn, [-0.8, -0.25, 0.25, 0.75])[0] / drawn.size
+    assert parts == pytest.approx([0.0, 0.75, 0.25], abs=0.03)
+    assert np.median(drawn[drawn > 0.25]) == pytest.approx(0.5, abs=0.01)
+
+
 def test_a_member_drifts_at_the_surface_and_goes_on_along_its_way():
     time = np.array([1000.0, 3000.0])
     place = np.array([[300.0, 0.0], [300.0, 800.0]])
@@ -255,3 +268,19 @@ def test_a_member_drifts_at_the_surface_and_goes_on_along_its_way():
     same = flight.delayed(np.zeros(3), 0.0, np.zeros(2))
     assert (same.time == time).all()
     assert (same.place == place).all()
+
+
+def test_what_the_log_shows_under_water_lengthens_the_first_dive_along_its_way():
+    """Half as long again at the same speed: half as far again, and all later ones as much later and
+    farther away."""
+    flight = MemberFlight(
+        time=np.array([1000.0, 3000.0]), place=np.array([[300.0, -60.0], [300.0, 800.0]]),
+        energy=np.ones(2), track=np.array([[0.0, 0.0], [150.0, -30.0], [300.0, 400.0]]),
+        times=np.array([0.0, 500.0, 2000.0]), duration=4000.0, taken=2.0, end=np.zeros(6),
+    )  # fmt: skip
+    found = flight.not_before(1500.0)
+    assert found.time == pytest.approx([1500.0, 3500.0])
+    assert found.place == pytest.approx(np.array([[450.0, -90.0], [450.0, 770.0]]))
+    assert found.times == pytest.approx([0.0, 750.0, 2500.0])
+    assert found.track == pytest.approx(np.array([[0.0, 0.0], [225.0, -45.0], [450.0, 370.0]]))
+    assert flight.not_before(1000.0) is flight

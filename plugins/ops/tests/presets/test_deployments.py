@@ -1,16 +1,18 @@
 """Deployments with and without a fault: exactly half, the same draw of the same seed."""
 
+import dataclasses
 import math
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import twin
 from factory.importing import EMPTY, Channel, DeploymentLog, DiveRules, LoggedFixes, Tally
 from factory.importing.dives.dive_store import build
 from glider_twin_ops.presets import deployments
 from glider_twin_ops.presets.deployment import DeploymentPlan, check_steered, fault_kinds, faulty_of
-from glider_twin_ops.presets.deployments import first_draw
+from glider_twin_ops.presets.deployments import first_draw, log_of
 from glider_twin_ops.presets.pilot import LogGaps
 from twin import SawTooth, load_vehicle
 from twin.errors import InputError, MissionError, TwinError
@@ -143,6 +145,30 @@ def test_a_pilot_changes_settings_and_the_log_has_gaps():
         assert 0 < having < len(gaps)
     assert "compass_turned" in plan.kinds
     assert "compass_turned" not in DeploymentPlan(vehicle=plan.vehicle).kinds
+
+
+def test_a_compass_that_turns_leaves_the_logged_heading_as_ordered_and_turns_the_way():
+    vehicle = load_vehicle("slocum-200")
+    plan = DeploymentPlan(vehicle=vehicle, preset="piloted", kinds=("compass_turned",), size=12.0)
+    draw = next(d for k in range(4) if (d := first_draw(plan, k)).fault is not None)
+    fault = dataclasses.replace(draw.fault, start=3600.0)
+    flight = dataclasses.replace(draw.scenario, faults=(fault,), duration=7200.0, current=None)
+    draw = dataclasses.replace(draw, fault=fault, scenario=flight, gaps=LogGaps())
+    run = twin.simulate(flight, sensors="ideal")
+    log = log_of(draw, {**run.signals, "time": run.time}, plan)
+    ordered, reads = (log.channels[f"{n}_heading"].values for n in ("commanded", "measured"))
+    known = np.isfinite(run["commanded_heading"])
+    np.testing.assert_array_equal(ordered, run["commanded_heading"][known])
+
+    def off(values, late):
+        used = (run["true_depth"] > 10.0)[known] & ((run.time > 4500.0) == late)[known]
+        away = (values - ordered + 180.0) % 360.0 - 180.0
+        return np.median(away[used & ((run.time < 3600.0) | (run.time > 4500.0))[known]])
+
+    for late in (False, True):
+        assert off(reads[known], late) == pytest.approx(0.0, abs=2.0)
+    turned = off(run["true_heading"][known], True)
+    assert turned == pytest.approx(-fault.degrees, abs=2.0)
 
 
 def test_gaps_take_samples_out_and_a_thruster_is_in_the_log():

@@ -10,6 +10,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pd0_files
 import pytest
 import xarray as xr
 
@@ -24,6 +25,7 @@ from factory.samples.gliders import (
 )
 from glider_twin_ops.pages.morning_page import PAGE
 from glider_twin_ops.watching import WatchedDeployment, one_pass, watch_pass
+from glider_twin_ops.watching.arrived_files import kind_of
 from glider_twin_ops.watching.log_of_files import DIGEST, LOG, content_of, log_of_files
 from glider_twin_ops.watching.watch_pass import BELIEFS, EVENTS, noticed, write_events
 from twin.__main__ import PROGRAM
@@ -383,3 +385,11 @@ def test_a_part_that_is_gone_is_made_again(again, name):
     made, sums = again
     shutil.rmtree(made.folder / name)
     assert_made_again(made, sums)
+
+
+def test_a_doppler_logs_files_do_not_hide_their_vehicle(watched, source):
+    pd0_files.write(source / "A.PD0", pd0_files.yo(3))
+    made = watched(kind="auto")
+    assert kind_of(made) == "pd0"
+    write_basestation(source, Flight(dives=1))
+    assert kind_of(made) == "seaglider"

@@ -1,0 +1,120 @@
+"""Propelled networks: the paper's network on real runs, on simulation, and on one after the other.
+
+Inputs are those that all runs of a training have: attitude and rates, depth rate, propeller.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import pickle
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.real_logs.propelled_runs import PERIOD, Run, runs_of, scaled
+from benchmarks.real_logs.propelled_speeds import depth_terms
+from benchmarks.real_logs.samples import Samples
+from benchmarks.real_logs.surge_networks import fit_network, predict
+from factory.generation.generation import generate
+from factory.sampling.recipe import make_recipe
+from learn.networks.base import NetworkConfig
+from learn.networks.predictor import Predictor
+from learn.training.optimiser import TrainingConfig
+from twin.navigation.dead_reckoning import Array
+from twin.records.store import open_store
+
+ELMAN = NetworkConfig(kind="elman", hidden=40, layers=3, delays=5)
+"""The paper's network: three layers of 40 units, five past outputs of each layer"""
+SCG = TrainingConfig(
+    optimiser="scg", seconds=0.0, epochs=40, full_window=128, washin=16, validations=10
+)
+TUNED = dataclasses.replace(SCG, epochs=15)
+"""Training on real runs after simulation"""
+BASE = ("pitch", "roll", "p", "q", "r")
+INPUTS = (BASE, (*BASE, "depth_rate"), (*BASE, "depth_rate", "propeller"))
+"""Inputs of networks; a training takes the longest that all its runs have"""
+VEHICLES, HOURS = ("remus", "tethys"), 1.2
+"""Simulated vehicles, and hours of missions of both together"""
+MISSIONS = {"mission.duration_h": "0.15", "mission.segment_duration_s": "uniform(60, 180)"}
+"""Missions as short as the logs"""
+NETWORKS = ("network, real only", "network, simulation only", "network, simulation then real")
+TARGETS = ("surge", "sway")
+Pretrained = Mapping[tuple[str, ...], Mapping[str, Predictor]]
+"""Networks trained on simulation, by inputs and target"""
+
+
+def simulate(folder: Path, seed: int) -> list[Run]:
+    """Simulate missions of both vehicles with sensor errors, or read them from an earlier call."""
+    found = []
+    for vehicle in VEHICLES:
+        store = folder / f"propelled-{vehicle}-{seed}.zarr"
+        if not store.exists():
+            recipe = make_recipe(
+                preset="field", hours=HOURS / len(VEHICLES), seed=seed, vehicle=vehicle,
+                engine="lanes", changes=MISSIONS,
+            )  # fmt: skip
+            generate(recipe, store, workers=1, overwrite=True, history="benchmarks.real_logs")
+        with open_store(store) as dataset:
+            runs = runs_of(dataset.load(), "simulated", PERIOD, truth="true")
+        found += [scaled(run, runs) for run in runs]
+    return found
+
+
+def pretrained_on(folder: Path, seed: int, run: Callable[..., list[Any]]) -> Pretrained:
+    """Train networks on simulation, one for each kind of inputs and target, or read them."""
+    path = folder / f"propelled-networks-{seed}.pickle"
+    if not path.exists():
+        runs = simulate(folder, seed)
+        kinds = [(names, target) for names in INPUTS for target in TARGETS]
+        found = run(functools.partial(pretrain, runs, *kind, seed) for kind in kinds)
+        table: dict[tuple[str, ...], dict[str, Predictor]] = {names: {} for names in INPUTS}
+        for (names, target), network in zip(kinds, found, strict=True):
+            table[names][target] = network
+        path.write_bytes(pickle.dumps(table))
+    return pickle.loads(path.read_bytes())
+
+
+def pretrain(runs: Sequence[Run], names: tuple[str, ...], target: str, seed: int) -> Predictor:
+    """Train a network on simulated runs; every fourth one stops the training early."""
+    every = [samples(run, names, target) for run in runs]
+    train = [one for k, one in enumerate(every) if k % 4]
+    return fit_network(train, every[::4], names, SCG, seed=seed, network=ELMAN)
+
+
+def samples(run: Run, names: Sequence[str], target: str) -> Samples:
+    """Inputs and velocity of a run, for a network."""
+    inputs = dict(run.signals)
+    if "depth" in inputs:
+        inputs["depth_rate"] = np.nan_to_num(depth_terms(run, 3.0)[0])
+    return Samples(0, {name: inputs[name] for name in names}, getattr(run, target))
+
+
+def network_velocities(
+    train: Sequence[Run],
+    held: Sequence[Run],
+    tests: Sequence[Run],
+    pretrained: Pretrained,
+    seed: int,
+) -> list[dict[str, Array]]:
+    """Surge and sway [m/s], (2, time), of held-out runs and of the tests, by each network."""
+    every = [*train, *held, *tests]
+    have = set.intersection(*(set(run.signals) for run in every))
+    have |= {"depth_rate"} if "depth" in have else set()
+    names = next(some for some in reversed(INPUTS) if have.issuperset(some))
+    found: dict[str, list[list[Array]]] = {name: [] for name in NETWORKS}
+    for target in TARGETS:
+        real, kept, asked = (
+            [samples(run, names, target) for run in runs] for runs in (train, held, tests)
+        )
+        first = pretrained[names][target]
+        fit = functools.partial(fit_network, real, kept, names, seed=seed, network=ELMAN)
+        networks = fit(config=SCG), first, fit(config=TUNED, start=first)
+        for name, network in zip(NETWORKS, networks, strict=True):
+            found[name].append(predict(network, [*kept, *asked]))
+    return [
+        {name: np.stack([surges[k], sways[k]]) for name, (surges, sways) in found.items()}
+        for k in range(len(held) + len(tests))
+    ]

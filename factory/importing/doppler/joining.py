@@ -1,0 +1,133 @@
+"""Joining: offsets of a Doppler log's clock and heading to those of its vehicle's log.
+
+The clock's offset is that at which both depths and both pitches agree best.
+"""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from factory.importing.deployment_log import DeploymentLog
+from factory.importing.doppler.pd0 import Array, Ensembles
+from twin.errors import InputError
+
+REACH, COARSE, FINE = 3600.0, 5.0, 0.1
+"""[s] Largest offset of the clocks, and steps of the search."""
+UNITS = {"depth": 1.0, "pitch": 3.0}
+"""[m] and [degree] Differences of depth and pitch that weigh the same."""
+MOVES, CAPPED = 3.0, 25.0
+"""Smallest standard deviation, in these, of a record that can be aligned, and largest square of a
+difference: turns are short, and sampled at other times."""
+OVERLAP, PARTS = 0.5, 4
+"""Least share of the ensembles within the vehicle's log; parts with offsets of their own."""
+
+
+class Offsets(NamedTuple):
+    """Offsets to be added to a Doppler log's values."""
+
+    seconds: float
+    """[s] Of the clock."""
+    seconds_deviation: float
+    """[s] Standard deviation, by parts of the record."""
+    heading: float
+    """[degree] Of the heading; NaN without one."""
+    heading_deviation: float
+    """[degree] Standard deviation of a single ensemble."""
+
+
+def find_offsets(name: str, layouts: Sequence[Ensembles], vehicle: DeploymentLog) -> Offsets:
+    """Find the offsets of a file, `name` in errors.
+
+    Raises:
+      InputError: the records do not overlap, or do not move enough to be aligned.
+    """
+    log = {n: np.concatenate([one[n] for one in layouts]) for n in ("time", "heading", *UNITS)}
+    order = np.argsort(log["time"])
+    order = order[np.isfinite(log["time"][order])]
+    log = {n: values[order] for n, values in log.items()}
+    time, (first, last) = log["time"], vehicle.span
+    pairs = [
+        (channel.time, channel.values / unit, log[n] / unit)
+        for n, unit in UNITS.items()
+        if len(channel := vehicle.channel(f"measured_{n}")) > 1
+        and min(np.std(log[n]), np.std(channel.values)) > MOVES * unit
+    ]
+    lags = np.arange(-REACH, REACH + COARSE, COARSE)
+    apart = time[0] - REACH > last or time[-1] + REACH < first
+    costs = np.full(len(lags), np.nan) if apart else _costs(lags, time, pairs)
+    if pairs and not np.isfinite(costs).any():
+        raise InputError(
+            f"{name} does not overlap {vehicle.deployment}: it runs {_span(time[0], time[-1])}, "
+            f"the log {_span(first, last)}. Was its clock never set? Give the log of the same dives"
+        )
+    if not pairs:
+        raise InputError(
+            f"{name} cannot be aligned with {vehicle.deployment}: neither depth nor pitch varies "
+            f"in both by {MOVES * UNITS['depth']:g} m or {MOVES * UNITS['pitch']:g} degree"
+        )
+    seconds = _refined(float(lags[np.nanargmin(costs)]), time, pairs)
+    parts = [
+        _refined(seconds, time[part], [(t, v, own[part]) for t, v, own in pairs])
+        for part in np.array_split(np.arange(len(time)), PARTS)
+        if any(np.std(own[part]) > 1.0 for _, _, own in pairs)
+    ]
+    spread = float(np.std(parts, ddof=1)) / np.sqrt(len(parts)) if len(parts) > 1 else COARSE
+    return Offsets(seconds, max(spread, FINE), *_heading_offset(time + seconds, log, vehicle))
+
+
+Pair = tuple[Array, Array, Array]
+"""Times and values of the vehicle's log, and values of the Doppler log, in `UNITS`."""
+
+
+def _refined(start: float, time: Array, pairs: Sequence[Pair]) -> float:
+    """Offset [s] in fine steps around a coarse one."""
+    lags = start + np.arange(-2.0 * COARSE, 2.0 * COARSE + FINE, FINE)
+    costs = _costs(lags, time, pairs)
+    return float(lags[np.nanargmin(costs)]) if np.isfinite(costs).any() else start
+
+
+def _costs(lags: Array, time: Array, pairs: Sequence[Pair]) -> Array:
+    """Mean square of the differences at each offset; NaN without enough overlap.
+
+    A constant difference costs nothing: sensors have offsets.
+    """
+    costs = np.zeros(len(lags))
+    for k, lag in enumerate(lags):
+        for own_time, values, own in pairs:
+            at = time + lag
+            inside = (at >= own_time[0]) & (at <= own_time[-1])
+            if inside.mean() < OVERLAP:
+                costs[k] = np.nan
+                break
+            difference = np.interp(at[inside], own_time, values) - own[inside]
+            square = np.square(difference - np.median(difference))
+            costs[k] += float(np.minimum(square, CAPPED).mean())
+    return costs
+
+
+def _heading_offset(time: Array, log: Ensembles, vehicle: DeploymentLog) -> tuple[float, float]:
+    """Median difference [degree] of the headings and its spread; NaN where one has none."""
+    own = vehicle.channel("measured_heading")
+    inside = own.covers(time)
+    if not inside.any() or np.ptp(log["heading"]) == 0.0:
+        return np.nan, np.nan
+    turned = np.interp(time, own.time, np.unwrap(own.values, period=360.0)) - log["heading"]
+    turned = turned[inside]
+    middle = np.angle(np.exp(1j * np.radians(turned)).mean(), deg=True)
+    rest = (turned - middle + 180.0) % 360.0 - 180.0
+    median = float(np.median(rest))
+    spread = 1.4826 * float(np.median(np.abs(rest - median)))
+    return float((middle + median + 180.0) % 360.0 - 180.0), spread
+
+
+def _span(start: float, end: float) -> str:
+    """Start and end of a record in words."""
+    words = (
+        datetime.datetime.fromtimestamp(t, datetime.UTC).strftime("%Y-%m-%d %H:%M")
+        for t in (start, end)
+    )
+    return "from {} to {}".format(*words)

@@ -1,0 +1,160 @@
+"""Relative velocity: the motion of a hull past the water and past the bottom, ensemble by ensemble.
+
+Axes are forward, starboard, down of the Doppler log, whose mount may tilt against the hull. The log
+measures how water and bottom move past it; the hull's velocity is the opposite. Signs of beams
+are those of "ADCP coordinate transformation" (Teledyne RDI): beam 1 to beam 2 is X, beam 4 to
+beam 3 is Y, and Z points to the transducer.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factory.importing.doppler.pd0 import Array, Ensembles
+from twin.frames import euler_to_matrix
+
+Mask = NDArray[np.bool_]
+
+NEAR, MOST_CELLS = 6.0, 10
+"""[m] Farthest middle of a cell that counts as the hull's own water, and most such cells."""
+BEAM, INSTRUMENT, SHIP, EARTH = range(4)
+"""Axes of a file's velocities, by bits of the transform."""
+LEVEL, CONVEX, UPWARD = 4, 8, 128
+"""Bits: of the transform, tilts used; of the system, convex transducer and beams that look up."""
+CARRIED = ("time", "depth", "heading", "pitch", "roll", "sound_speed", "beam_angle")
+"""Quantities that are those of the file."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RelativeVelocity:
+    """Velocities of the hull in the Doppler log's axes, and their quality, in time order.
+
+    `time` [s, unix], `depth` [m], `heading`, `pitch`, `roll`, `beam_angle` [degree] and
+    `sound_speed` [m/s] are those of the file, (ensembles,).
+    """
+
+    time: Array
+    depth: Array
+    heading: Array
+    pitch: Array
+    roll: Array
+    sound_speed: Array
+    beam_angle: Array
+    water: Array
+    """[m/s] Past the water, (ensembles, cells, 3); NaN where a component is missing."""
+    error: Array
+    """[m/s] Difference of what two pairs of beams say, (ensembles, cells)."""
+    good: Array
+    """[%] Pings that gave a velocity, (ensembles, cells)."""
+    correlation: Array
+    """[count] Of the worst beam, (ensembles, cells)."""
+    echo: Array
+    """[count] Of the worst beam above the lowest echo of the file, (ensembles, cells)."""
+    bottom: Array
+    """[m/s] Past the bottom, (ensembles, 3)."""
+    altitude: Array
+    """[m] Height above the bottom, (ensembles,)."""
+    turned: Mask
+    """True where velocities were turned back from level axes to the hull's, (ensembles,)."""
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+def relative_velocity(
+    layouts: Sequence[Ensembles], *, level: bool | None = None
+) -> RelativeVelocity:
+    """Turn the velocities of a file into the Doppler log's axes.
+
+    Args:
+      level: whether ship axes are level; None takes what the file says.
+    """
+    echoes = np.concatenate([one["echo"].ravel() for one in layouts])
+    floor = np.nanpercentile(echoes, 1.0) if np.isfinite(echoes).any() else 0.0
+    parts = [_of_layout(one, float(floor), level) for one in layouts]
+    whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    order = np.argsort(whole["time"], kind="stable")
+    order = order[np.isfinite(whole["time"][order])]
+    return RelativeVelocity(**{name: values[order] for name, values in whole.items()})
+
+
+def axes_of(one: Ensembles) -> NDArray[np.int64]:
+    """Axes of the velocities of each ensemble."""
+    return one["transform"].astype(np.int64) >> 3 & 3
+
+
+def _bit(values: Array, bit: int) -> Mask:
+    return (values.astype(np.int64) & bit) > 0
+
+
+def _of_layout(one: Ensembles, floor: float, level: bool | None) -> dict[str, Array]:
+    """Fields of `RelativeVelocity` of one layout, with cells padded to `MOST_CELLS`."""
+    axes = axes_of(one)
+    tilts = _bit(one["transform"], LEVEL) if level is None else np.full(len(axes), level)
+    turned = (tilts & (axes == SHIP)) | (axes == EARTH)
+    water = _hull_axes(one, one["velocity"][:, :MOST_CELLS], axes, turned)
+    altitude = one["bottom_range"].mean(axis=1)
+    first, cell = one["first_cell"][:, None], one["cell"][:, None]
+    middle = first + cell * np.arange(water.shape[1])
+    upward = _bit(one["system"], UPWARD)
+    clear = np.where(upward, one["depth"], np.nan_to_num(altitude, nan=np.inf))
+    clear *= np.cos(np.radians(one["beam_angle"]))  # beyond it side lobes meet bottom or surface
+    near = (middle <= np.maximum(NEAR, first)) & (middle + 0.5 * cell < clear[:, None])
+    correlation, echo, pings = (one[n][:, :MOST_CELLS] for n in ("correlation", "echo", "good"))
+    good = np.where((axes == BEAM)[:, None], pings.min(axis=-1), pings[..., 0] + pings[..., 3])
+    cells = {
+        "water": np.where(near[..., None], water[..., :3], np.nan),
+        "error": water[..., 3],
+        "good": good,
+        "correlation": correlation.min(axis=-1),
+        "echo": echo.min(axis=-1) - floor,
+    }
+    missing = (0, MOST_CELLS - water.shape[1])
+    return {
+        **{name: one[name] for name in CARRIED},
+        **{
+            name: np.pad(v, [(0, 0), missing, (0, 0)][: v.ndim], constant_values=np.nan)
+            for name, v in cells.items()
+        },
+        "bottom": _hull_axes(one, one["bottom_velocity"][:, None], axes, turned)[:, 0, :3],
+        "altitude": altitude,
+        "turned": turned,
+    }
+
+
+def _hull_axes(one: Ensembles, velocity: Array, axes: NDArray[np.int64], turned: Mask) -> Array:
+    """Hull's velocity forward, starboard, down, and the error velocity, (ensembles, cells, 4).
+
+    Args:
+      velocity: as the file has it, (ensembles, cells, 4).
+      turned: whether velocities are in level axes.
+    """
+    beams = (axes == BEAM)[:, None, None]
+    xyz = np.where(beams, _of_beams(one, velocity), velocity)
+    # an instrument that looks up is turned about its Y axis
+    flip = np.where(_bit(one["system"], UPWARD), -1.0, 1.0)[:, None]
+    cosine, sine = (f(np.radians(one["alignment"]))[:, None] for f in (np.cos, np.sin))
+    x, y, z = xyz[..., 0] * flip, xyz[..., 1], xyz[..., 2] * flip
+    own = np.stack([x * sine - y * cosine, -y * sine - x * cosine, z], axis=-1)
+    # ship: starboard, forward, up; earth: east, north, up
+    outer = np.stack([-velocity[..., 1], -velocity[..., 0], velocity[..., 2]], axis=-1)
+    heading = np.where(axes == EARTH, one["heading"], 0.0)
+    angles = (np.where(turned, a, 0.0) for a in (one["roll"], one["pitch"], heading))
+    back = np.einsum("tji,tcj->tci", euler_to_matrix(*map(np.radians, angles)), outer)
+    inside = (axes <= INSTRUMENT)[:, None, None]
+    return np.concatenate([np.where(inside, own, back), xyz[..., 3:]], axis=-1)
+
+
+def _of_beams(one: Ensembles, velocity: Array) -> Array:
+    """Velocity of the water along the instrument's X, Y, Z, and the error velocity."""
+    angle = np.radians(one["beam_angle"])[:, None]
+    side, along = 1.0 / (2.0 * np.sin(angle)), 1.0 / (4.0 * np.cos(angle))
+    convex = np.where(_bit(one["system"], CONVEX), 1.0, -1.0)[:, None]
+    b1, b2, b3, b4 = np.moveaxis(velocity, -1, 0)
+    error = side / np.sqrt(2.0) * (b1 + b2 - b3 - b4)
+    x, y = convex * side * (b1 - b2), convex * side * (b4 - b3)
+    return np.stack([x, y, along * (b1 + b2 + b3 + b4), error], axis=-1)
