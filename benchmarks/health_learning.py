@@ -17,7 +17,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import isotonic_regression, nnls
+from scipy.optimize import minimize, nnls
+from scipy.special import expit
 
 from benchmarks import command
 from benchmarks.command import markdown
@@ -30,12 +31,13 @@ from benchmarks.health import (
     judged_case,
     level_of,
     load,
+    named,
     sound_days,
     weights,
 )
 from glider_twin_ops.health.assessment import flown_signatures
 from glider_twin_ops.health.channels import CHANNELS, NAMES, groups_of, standing, steps_in_shear
-from glider_twin_ops.health.judgement import follow, sure
+from glider_twin_ops.health.judgement import SURE, follow, sure
 from glider_twin_ops.health.judgement import judge as weigh
 from glider_twin_ops.health.signatures import TypicalDive, usual_dive
 
@@ -107,7 +109,7 @@ def by_law(count: int = 400, dives: int = 40, seed: int = 0) -> list[Judged]:
         steps, noises = rng.standard_normal((2, dives, len(CHANNELS)))
         levels = follow(np.cumsum(walk * steps, axis=0) + noise * noises)
         odds = weigh(levels, days, hypotheses, standing(np.full((dives, 2), 0.2), days)).evidence
-        found.append(Judged({}, days, None, None, {OURS: Alarms(sure(odds), "")}))
+        found.append(Judged({}, days, None, None, None, {OURS: Alarms(sure(odds), "")}))
     return found
 
 
@@ -125,20 +127,40 @@ def of_levels(ones: Sequence[Judged], rates: Sequence[float]) -> str:
     return markdown(["one in days", *told, *(f"{word} by the law" for word in told)], rows)
 
 
+def fitted_chance(ones: Sequence[Judged]) -> tuple[float, float]:
+    """Logistic regression of a true name on the evidence after the last dive: level and slope.
+
+    Evidence from `SURE` on counts as `SURE`: nearly all is true there.
+    """
+    said = np.minimum([one.alarms[OURS].statistic[-1] for one in ones], SURE)
+    true, weight = np.array([named(one) for one in ones]), weights(ones)
+    kept = np.isfinite(said)
+    said, sign, weight = said[kept], np.where(true, -1.0, 1.0)[kept], weight[kept]
+
+    def loss(line: Array) -> float:
+        off = np.logaddexp(0.0, sign * (line[0] + line[1] * said))
+        return float(weight @ off + 0.5 * line[1] ** 2)
+
+    level, slope = minimize(loss, np.array([0.0, 0.5])).x
+    return float(level), float(slope)
+
+
 def of_chance(ones: Sequence[Judged]) -> str:
-    """Table of the part of the deployments with a fault by the evidence after the last dive."""
+    """Table of the part of the deployments whose fault is named by the evidence after the last
+    dive, beside the fitted probability."""
+    level, slope = fitted_chance(ones)
     said = np.array([one.alarms[OURS].statistic[-1] for one in ones])
-    fault, weight = np.array([one.onset is not None for one in ones]), weights(ones)
-    order = np.argsort(said)
-    part = np.empty(len(ones))
-    part[order] = isotonic_regression(fault[order].astype(float), weights=weight[order]).x
+    true, weight = np.array([named(one) for one in ones]), weights(ones)
     rows = []
     for low, high in itertools.pairwise(EVIDENCE):
         inside = (said > low) & (said <= high)
         if inside.any():
+            fitted = expit(level + slope * np.minimum(said[inside], SURE))
+            parts = [np.average(part, weights=weight[inside]) for part in (true[inside], fitted)]
             rows.append([int(inside.sum()), f"{np.median(said[inside]):.1f}",
-                         f"{np.average(part[inside], weights=weight[inside]):.3f}"])  # fmt: skip
-    return markdown(["deployments", "evidence", "part with a fault"], rows)
+                         *(f"{part:.3f}" for part in parts)])  # fmt: skip
+    table = markdown(["deployments", "evidence", "part named", "fitted"], rows)
+    return f"{table}\n\nlevel {level:.2f}, slope {slope:.3f}"
 
 
 def main(files: command.Positional[tuple[Path, ...]]) -> None:

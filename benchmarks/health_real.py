@@ -30,7 +30,7 @@ from glider_twin_ops.health.assessment import (
     judged,
 )
 from glider_twin_ops.health.channels import NAMES
-from glider_twin_ops.health.deployment_dives import dives_of, told_by, values_of
+from glider_twin_ops.health.deployment_dives import ballasted, dives_of, told_by, values_of
 from glider_twin_ops.health.dive_channels import (
     PUMPING,
     DiveSignals,
@@ -92,6 +92,9 @@ def _slowed(dive: DiveSignals, slow: Array) -> DiveSignals:
         step = values[after] - values[index]
         step = (step + 180.0) % 360.0 - 180.0 if name.endswith("heading") else step
         signals[name] = np.where(np.isfinite(step), values[index] + inside * step, values[index])
+    if (nearest := dive.signals.get("measured_depth_time")) is not None:
+        away = nearest - dive.period * np.arange(len(nearest))
+        signals["measured_depth_time"] = away[index] + dive.period * np.arange(len(index))
     return dataclasses.replace(dive, signals=signals)
 
 
@@ -138,7 +141,9 @@ def _look(
 ) -> None:
     """Judge one deployment as it is, and with each fault put in."""
     threshold = threshold_of(DAYS)
-    _, dives, _ = dives_of(logs, name, flight_model(vehicle))
+    calibration = flight_model(vehicle)
+    _, dives, _ = dives_of(logs, name, calibration)
+    calibration = None if calibration is None else ballasted(dives, calibration)
     told = told_by(logs, name, vehicle) | {"vehicle": vehicle, "threshold": threshold}
     one = judged(**told)
     highest = float(sure(one.evidence).max())
@@ -158,7 +163,7 @@ def _look(
         faulty = list(dives)
         for k in range(begun, len(dives)):
             faulty[k] = put_in(kind, dives[k], float(days[k] - days[begun]))
-        values = values_of(faulty, flight_model(vehicle))
+        values = values_of(faulty, calibration)
         found = judged(**{**told, "values": values, "ways": np.array([one.way for one in faulty])})
         rung = [one.dives.index(ring[0]) for ring in found.rang]
         late = [place - begun for place in rung if place >= begun]

@@ -1,5 +1,6 @@
 """What the benchmark of health counts: alarms in time, days at risk, levels by false alarms."""
 
+import dataclasses
 import json
 import math
 from pathlib import Path
@@ -13,6 +14,7 @@ from benchmarks.health import (
     OURS,
     Alarms,
     Judged,
+    _bound,
     counts,
     interval,
     level_of,
@@ -21,18 +23,23 @@ from benchmarks.health import (
     of_vehicles,
     sound_days,
 )
-from benchmarks.health_learning import of_chance
+from benchmarks.health_learning import fitted_chance, of_chance
 from benchmarks.health_real import DRAG, DRIFT, PUMP, TURN, put_in
+from glider_twin_ops.health.assessment import flown_signatures
+from glider_twin_ops.health.assessment import judged as health
+from glider_twin_ops.health.channels import NAMES, NOISE
 from glider_twin_ops.health.dive_channels import DiveSignals, strokes_of
+from glider_twin_ops.health.signatures import usual_dive
+from twin.vehicle.vehicle import load_vehicle
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
 
 
-def judged(statistic, *, onset=None, seen=None, truth="none", kind="", since=None):
+def judged(statistic, *, onset=None, seen=None, ideal=None, truth="none", kind="", since=None):
     statistic = np.asarray(statistic, float)
     case = {"truth": truth, "vehicle": "glider", "fault": {}}
     alarms = {OURS: Alarms(statistic, kind, (), since)}
-    return Judged(case, np.arange(len(statistic)) / 2.0, onset, seen, alarms)
+    return Judged(case, np.arange(len(statistic)) / 2.0, onset, seen, ideal, alarms)
 
 
 def test_an_alarm_is_in_time_from_the_onset_to_three_dives_after_it_can_be_seen():
@@ -43,6 +50,37 @@ def test_an_alarm_is_in_time_from_the_onset_to_three_dives_after_it_can_be_seen(
         assert one.in_time(OURS, 3.0) is right
         found = counts([one], OURS, 3.0)
         assert found["noticed"] == found["named"] == found["onset"] == (at >= 5)
+
+
+def test_the_ideal_detector_bounds_what_can_be_in_time():
+    """A fault of a standard deviation in one channel is seen in no dive, and in many dives is."""
+    vehicle = load_vehicle("slocum-200")
+    dive = usual_dive(vehicle)
+    (weak,) = (
+        one for one in flown_signatures(vehicle, dive).in_dives(np.zeros((60, 2)))
+        if one.kind == "hotel_raised"
+    )  # fmt: skip
+    hotel, rng = NAMES.index("hotel"), np.random.default_rng(3)
+
+    def bound(size, lost=()):
+        values = NOISE * rng.standard_normal((60, len(NAMES)))
+        values[list(lost), hotel] = math.nan
+        one = health(
+            "one", range(60), values, 1e4 * np.arange(60.0), np.zeros((60, 2)), dive, vehicle, 0.0
+        )
+        watts = size * NOISE[hotel] / weak.signature[hotel]
+        fault = {"kind": "hotel_raised", "start": 0.0, "watts": float(watts)}
+        case = {"fault": fault, "dive": dataclasses.asdict(dive), "ways": np.zeros((60, 2))}
+        return _bound(one, case, 20, vehicle)
+
+    assert bound(0.2) == (None, None)
+    assert bound(20.0) == (20, 21)  # two dives make an alarm
+    assert bound(20.0, range(20, 31)) == (31, 32)  # what is not measured shows nothing
+    seen, ideal = bound(2.4)
+    assert seen is None
+    assert 21 < ideal < 40  # together the dives show it
+    found = counts([judged(np.zeros(60), onset=20, seen=20, ideal=24, truth="fouling")], OURS, 3.0)
+    assert (found["to be noticed"], found["could be"], found["in time"]) == (1, 0, 0)
 
 
 def test_days_at_risk_end_with_the_alarm_and_with_the_onset():
@@ -80,7 +118,7 @@ def test_tables_are_markdown():
         for kind in ("attached", "fouling", "fouling")
     ]
     assert of_confusion(ones, OURS, 3.0).endswith("| fouling | fouling 2, attached 1 |")
-    assert "| all | 0 | 0 | 0 | 0 | 0 | 0 | 4 | 0 | 0.00 | 0.00 to" in of_vehicles(
+    assert "| all | 0 | 0 | 0 | 0 | 0 | 0 | 0 | 4 | 0 | 0.00 | 0.00 to" in of_vehicles(
         [judged(np.zeros(9))], 3.0
     )
 
@@ -88,15 +126,16 @@ def test_tables_are_markdown():
 def test_the_rate_of_false_alarms_on_fresh_seeds_is_where_the_page_says():
     """One in 30 days was asked for: no interval lies above it, and the page says what it is."""
     tables = load()["tables"]
-    every = [row for name in ("vehicles", "taught") for row in tables[f"health.{name}"]["rows"]]
-    rows = {row[0]: row[-5:] for row in every if row[0] not in ("vehicle", "all")}
-    for days, alarms, rate, low, high in rows.values():
-        every = 30.0 * alarms / days, *interval(int(alarms), days)
-        for shown, found in zip((rate, low, high), every, strict=True):
+    fresh = tables["health.vehicles"]["rows"]
+    every = [*fresh, *tables["health.taught"]["rows"]]
+    rows = [row[-5:] for row in every if row[0] not in ("vehicle", "all")]
+    for days, alarms, rate, low, high in rows:
+        found = 30.0 * alarms / days, *interval(int(alarms), days)
+        for shown, right in zip((rate, low, high), found, strict=True):
             # days are whole there, and rates have two digits
-            assert abs(shown - found) <= 0.0051 + found * 0.51 / days
-    assert not [vehicle for vehicle, row in rows.items() if row[-2] > 1.0]
-    days, alarms = (sum(row[k] for row in rows.values()) for k in (0, 1))
+            assert abs(shown - right) <= 0.0051 + right * 0.51 / days
+    assert not [row for row in rows if row[-2] > 1.0]
+    days, alarms = (sum(row[k] for row in rows) for k in (0, 1))
     low, high = interval(int(alarms), days)
     said = (RESULTS / "health.md").read_text()
     assert f"{alarms:.0f} in {days:.0f} days, {30.0 * alarms / days:.2f} in 30" in said
@@ -117,21 +156,24 @@ def test_probabilities_are_counted_with_the_rate_at_which_faults_begin():
     assert row == "| 0.6 to 0.8 | 10 | 9 | 0.70 | 0.67 |"
 
 
-def test_the_chance_is_fitted_to_the_part_of_deployments_with_a_fault():
+def test_the_chance_is_fitted_to_the_part_of_deployments_whose_fault_is_named():
     rng = np.random.default_rng(1)
-    said = rng.uniform(-3.0, 6.0, 4000)
-    faulty = rng.random(4000) < 1.0 / (1.0 + np.exp(1.0 - 0.8 * said))
+    said = rng.uniform(-3.0, 6.0, 6000)
+    faulty = rng.random(6000) < 1.0 / (1.0 + np.exp(1.0 - 0.8 * said))
     ones = [
-        judged(np.full(2, odds), onset=1 if fault else None, truth="fouling")
+        judged(np.full(2, odds), onset=1 if fault else None, truth="fouling", kind="fouling")
         for odds, fault in zip(said, faulty, strict=True)
     ]
-    rows = [[float(x) for x in row.split("|")[1:-1]] for row in of_chance(ones).splitlines()[2:]]
-    parts = [row[2] for row in rows]
-    assert parts == sorted(parts)
-    due = 2.0 * 4000 / 200.0 / np.sum(faulty)  # weight of each with a fault
-    for _, odds, part in rows:
-        among = due * np.exp(0.8 * odds - 1.0)
-        assert part == pytest.approx(among / (1.0 + among), abs=0.08)
+    due = 2.0 * 6000 / 200.0 / np.sum(faulty)  # weight of each with a fault
+    level, slope = fitted_chance(ones)
+    assert (level, slope) == pytest.approx((math.log(due) - 1.0, 0.8), abs=0.1)
+    for row in of_chance(ones).splitlines()[2:-2]:
+        _, odds, part, fitted = (float(x) for x in row.split("|")[1:-1])
+        assert fitted == pytest.approx(part, abs=0.05)
+        assert fitted == pytest.approx(1.0 / (1.0 + np.exp(-level - slope * odds)), abs=0.05)
+    # a fault that gets another name is none
+    wrong = [judged(one.alarms[OURS].statistic, onset=1, truth="fouling", kind="") for one in ones]
+    assert fitted_chance([*ones, *wrong])[0] < level
 
 
 # --- faults put into the signals of a dive
@@ -143,6 +185,7 @@ def a_dive():
     depth = np.interp(count, [0, 125, 249], [0.0, 100.0, 0.8])
     signals = {
         "measured_depth": depth, "measured_heading": np.full(250, 355.0),
+        "measured_depth_time": 4.0 * count,
         "measured_pump": np.interp(count, [0, 123, 128, 249], [-200.0, -200.0, 200.0, 200.0]),
     }  # fmt: skip
     return DiveSignals(period=4.0, signals=signals, way=(0.2, 0.1), current=(0.05, -0.02))
@@ -163,6 +206,7 @@ def test_a_weak_pump_takes_longer_for_the_same_volume():
             for s in [strokes_of(one.signals["measured_pump"], 4.0)]]  # fmt: skip
     assert rate[1] == pytest.approx((1.0 - PUMP) * rate[0], rel=0.05)
     assert after.signals["measured_pump"][-1] == 200.0
+    assert after.sampled().all()
 
 
 def test_a_turned_compass_turns_the_way_and_leaves_the_track():

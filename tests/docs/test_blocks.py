@@ -56,7 +56,7 @@ RUN = {
         "tests/factory/importing/test_importers.py": 1,
     },
     "docs/howto/index.md": {"tests/test_faces.py": 1},
-    "docs/howto/navigation.md": {HERE: 3},
+    "docs/howto/navigation.md": {HERE: 4},
     "docs/howto/on_board.md": {
         HERE: 1,
         "tests/docs/test_front_page.py": 1,

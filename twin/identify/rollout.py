@@ -142,9 +142,8 @@ def refine(
     held = [p for p in PARAMETERS if p not in parameters and p.name not in known]
     values = [p.get(final) for p in held]
     stepped = [p.at(final, v, STEP) for p, v in zip(held, values, strict=True)]
-    moment = (
-        final.vehicle.static_mass * final.vehicle.static_cg
-    )  # a heavier hull is trimmed as well
+    # a heavier hull is trimmed to the same moments
+    moment = final.vehicle.static_mass * final.vehicle.static_cg
     stepped = [c.with_vehicle(static_cg=moment / c.vehicle.static_mass) for c in stepped]
     ((rates, pitches), *changed) = _missed(windows, [final, *stepped])
     base = _weighted((rates, pitches), scales)

@@ -55,10 +55,8 @@ class LiftBalance(NamedTuple):
         """
         good = np.nan_to_num(surge) > slowest
         if good.sum() < LEAST_SAMPLES:
-            raise InputError(
-                f"{good.sum()} samples under way under water; the balance of lift needs "
-                f"{LEAST_SAMPLES}"
-            )
+            few = f"{good.sum()} samples under way under water"
+            raise InputError(f"{few}; the balance of lift needs {LEAST_SAMPLES}")
         rate, down, surge = depth_rate[good], down[good], surge[good]
         matrix = np.stack([surge**2, np.ones_like(surge)], axis=1)
         wanted = surge * rate - surge**2 * down
@@ -121,8 +119,7 @@ class ThrustBalance:
         """
         if sum(int(np.isfinite(run.surge).sum()) for run in runs) < LEAST_SAMPLES:
             raise InputError(f"the balance of thrust needs {LEAST_SAMPLES} samples with a surge")
-        start = np.log([field.default for field in dataclasses.fields(cls)])
-        names = [field.name for field in dataclasses.fields(cls)]
+        names, start = [*dataclasses.asdict(cls())], np.log(dataclasses.astuple(cls()))
 
         def made(x: Array) -> ThrustBalance:
             return cls(**dict(zip(names, np.exp(x).tolist(), strict=True)))

@@ -6,6 +6,7 @@ from twin.lazy import attach, places
 
 if TYPE_CHECKING:
     from twin.vehicle.consumption import ENERGY as ENERGY
+    from twin.vehicle.consumption import Consumption as Consumption
     from twin.vehicle.dimensions import Dimensions as Dimensions
     from twin.vehicle.presets import shipped_files as shipped_files
     from twin.vehicle.steady_motion import positions_text as positions_text

@@ -89,7 +89,7 @@ def test_the_compass_is_as_far_off_as_its_deviation_says(logs):
         dives, offset = legs_of(logs[0], nominal, under, np.random.default_rng(seed))
         problem = problem or DepthRates(dives, nominal, fitted, fixes=True)
         problem.logs = dives  # which differ in displacement alone: flown once
-        x, _ = problem.fit(np.zeros(1), 2)
+        x, _ = problem.fit(np.zeros(1), 2, max_nfev=4)
         (off,) = np.sqrt(np.diag(problem.considered(x, ())[0]))
         assert off < 0.8
         z.append((x[0] - offset / fitted[0].spread) / off)

@@ -37,9 +37,11 @@ from glider_twin_ops.health.judgement import (
     follow,
     judge,
     rings,
+    sure,
     threshold_of,
 )
 from glider_twin_ops.health.remarks import (
+    ballast_remarks,
     compass_remarks,
     few_remark,
     plan_remarks,
@@ -276,6 +278,7 @@ def judged(
     powered: Sequence[bool] = (),
     tests: Sequence[bool] = (),
     wander: Array | None = None,
+    ballast: float = 0.0,
 ) -> DeploymentHealth:
     """Judge the channels of a deployment.
 
@@ -287,6 +290,7 @@ def judged(
         test dives.
       wander: standard deviation of each channel's further step from dive to dive, where the log
         lacks a signal that it depends on, (channels,).
+      ballast: [kg] weight that the vehicle's file lacks, which `values` are made with.
     """
     many = len(values)
     told = np.isfinite(values).reshape(-1, len(CHANNELS))
@@ -323,7 +327,7 @@ def judged(
     if signatures is None:
         return found
     every = signatures.in_dives(ways)
-    remarks += plan_remarks(dive, signatures.dive, vehicle)
+    remarks += plan_remarks(dive, signatures.dive, vehicle) + ballast_remarks(ballast)
     if often.sum() < LEAST_CHANNELS:
         shown = {one.kind for one in every if (_over(one)[often] > 1.0).any()}
         hidden = {one.kind for one in every} - shown
@@ -340,7 +344,7 @@ def judged(
     likely = verdict.probability
     if alarm:
         whole = max(float(likely.sum()), 1e-300)
-        likely = likely * chance(float(verdict.evidence[-1])) / whole
+        likely = likely * chance(float(sure(verdict.evidence)[-1])) / whole
     order = np.argsort(-likely, kind="stable").tolist()
     group = [k for k in order if likely[k] >= TOGETHER * likely[order[0]]]
     order[alarm:] = sorted(order[alarm:], key=lambda k: verdict.kinds[k] not in telling)

@@ -2,7 +2,7 @@
 
 A channel is a residual, so that a pilot's settings hardly move it. Sink rates are compared with a
 flight model that reads the logged pitch, pump and density. The battery's position is compared with
-the position that the logged pitch needs, and the pump's energy with its work against the sea.
+the position that the logged pitch needs, and the pump's energy with that of the vehicle's file.
 `dive_channels` computes channels from a log.
 
 Disturbances move channels without a fault. A current that changes with depth pushes the vehicle
@@ -56,8 +56,8 @@ CHANNELS = tuple(
          False),
         ("heading_error", "1", 0.3, 0.06, "logarithm of the heading's median error", False),
         ("pump_rate", "1", 0.045, 0.005, "logarithm of the volume that is pumped in a second"),
-        ("pump_work", "1", 0.02, 0.005, "logarithm of the pump's energy over its work against the "
-         "sea"),
+        ("pump_work", "1", 0.02, 0.005, "logarithm of the pump's energy over that of the vehicle's "
+         "file"),
         ("hotel", "W", 0.04, 0.005, "power while no pump runs"),
         ("resistance", "1", 0.03, 0.005, "logarithm of the voltage's drop over the current"),
         ("air", "1", 0.001, 0.0002, "logarithm of the hull's pressure over its temperature"),
@@ -68,16 +68,16 @@ CHANNELS = tuple(
          "climbs", True, "cell_lag"),
         ("cell_lag", "s", 1.0, 0.1, "time by which the conductivity is later than the temperature"),
         ("lock", "1", 0.1, 0.02, "part of the samples in which the Doppler log has lock"),
-        ("current_north", "m s-1", 0.018, 0.006, "depth-averaged current to the north, by the "
+        ("current_north", "m s-1", 0.025, 0.006, "depth-averaged current to the north, by the "
          "compass' heading", False),
-        ("current_east", "m s-1", 0.018, 0.006, "depth-averaged current to the east, by the "
+        ("current_east", "m s-1", 0.025, 0.006, "depth-averaged current to the east, by the "
          "compass' heading", False),
     )
 )  # fmt: skip
 """All channels. Noise and walk are those of sound simulated deployments (presets `faulty` and
-`piloted`), raised where these are near 0. Rates, roll, steering, pump, hotel and the depth at the
-surface have the noise of the noisier half of eleven real deployments, each left out once, and
-`cell_lag` the median of seven. A deployment's own dives scale them"""
+`piloted`), raised where these are near 0. Rates, roll, steering, pump, hotel, currents and the
+depth at the surface have the noise of the noisier half of eleven real deployments, each left out
+once, and `cell_lag` the median of seven. A deployment's own dives scale them"""
 NAMES = tuple(channel.name for channel in CHANNELS)
 PLACE = {name: k for k, name in enumerate(NAMES)}
 NOISE, WALK = (np.array([getattr(one, name) for one in CHANNELS]) for name in ("noise", "walk"))

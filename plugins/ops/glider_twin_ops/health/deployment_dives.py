@@ -9,16 +9,23 @@ after the turn and still sinking, look aft and are left out.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from glider_twin_ops.forecast.logged_leg import legs_of
 from glider_twin_ops.health.channels import CHANNELS, NAMES, PLACE
-from glider_twin_ops.health.dive_channels import DiveSignals, channels_of, flight_model
+from glider_twin_ops.health.dive_channels import (
+    DiveSignals,
+    channels_of,
+    flight_model,
+    imbalance,
+)
 from glider_twin_ops.health.signatures import TypicalDive, usual_dive
 from twin import Vehicle
 from twin.identify import Calibration
@@ -92,12 +99,15 @@ logarithm of the dive's depth, where a log has no density"""
 UNTOLD_WARMING = 0.0015
 """Relative change of the hull's air from dive to dive where the log has no temperature: 0.4 K, the
 RMS change of a dive's mean temperature in 81 pairs of dives of seven real deployments"""
+FIRST, HEAVIER, WEIGHED = 5, 0.008, 0.02
+"""Dives from which the weight is found; largest relative change of the density in which the vehicle
+is neutral, 0.4 kg of 54; [kg/m3] its precision, 1 g of 54 kg"""
 ROUND = 10.0
 """[m] Depth step to which the typical dive is rounded, so that deployments share its signatures"""
 READ = (
     "depth", "pressure", "pitch", "roll", "heading", "pump", "shift", "rotation", "fin", "density",
     "temperature", "conductivity", "salinity", "altitude", "charge", "voltage", "battery_current",
-    "pump_power", "vacuum", "dvl_mode",
+    "pump_power", "vacuum", "dvl_mode", "gap", "depth_time",
 )  # fmt: skip
 """Signals that channels are computed from, without `measured_`"""
 
@@ -155,8 +165,12 @@ def turned(way: Array, calibration: Calibration | None) -> Array:
 
 def told_by(logs: LogStore, deployment: str, vehicle: Vehicle) -> dict[str, Any]:
     """Arguments of `judged` read from a deployment's log."""
-    calibration = flight_model(vehicle)
+    calibration, ballast = flight_model(vehicle), 0.0
     rows, dives, ways = dives_of(logs, deployment, calibration)
+    if calibration is not None:
+        calibration = ballasted(dives, calibration)
+        found = calibration.vehicle
+        ballast = found.mass * (1.0 - vehicle.reference_density / found.reference_density)
     numbers = logs.array(DIVE) if DIVE in logs else np.arange(len(logs))
     lasted = np.nan_to_num(logs.number(DIVE_DURATION)[rows])
     changes = changes_of(dives)
@@ -164,7 +178,9 @@ def told_by(logs: LogStore, deployment: str, vehicle: Vehicle) -> dict[str, Any]
     if all(dive.get("temperature") is None for dive in dives):
         wander[:, PLACE["air"]] = UNTOLD_WARMING
     blind = all(dive.get("density") is None for dive in dives)
-    for name, steps in rate_steps(dives, vehicle, changes[:, 0] if blind else None).items():
+    for name, steps in rate_steps(
+        dives, vehicle, changes[:, 0] if blind else None, ballast
+    ).items():
         wander[:, PLACE[name]] = steps
     return {
         "name": deployment,
@@ -177,6 +193,7 @@ def told_by(logs: LogStore, deployment: str, vehicle: Vehicle) -> dict[str, Any]
         "powered": [dive.powered for dive in dives],
         "tests": [dive.test for dive in dives],
         "wander": wander,
+        "ballast": ballast,
     }
 
 
@@ -193,6 +210,27 @@ def values_of(dives: Sequence[DiveSignals], calibration: Calibration | None) -> 
     return found
 
 
+def ballasted(dives: Sequence[DiveSignals], calibration: Calibration) -> Calibration:
+    """Calibration whose weight makes the first dives and climbs differ alike from its model.
+
+    A weight that the file lacks moves the rates the more the less is pumped. With it in the model,
+    the rates do not step where a pilot changes the volume, and a fault moves them as in the flights
+    of the twin. It is one number for all dives, and hides no fault that begins among them.
+    """
+    whole = (dive for dive in dives if math.isfinite(imbalance(dive, calibration)))
+    first = list(itertools.islice(whole, FIRST))
+    own = calibration.vehicle.reference_density
+
+    def off(density: float) -> float:
+        trial = calibration.with_vehicle(reference_density=density)
+        return float(np.nanmean([imbalance(dive, trial) for dive in first]))
+
+    ends = own * (1.0 - HEAVIER), own * (1.0 + HEAVIER)
+    if not first or not off(ends[0]) > 0.0 > off(ends[1]):
+        return calibration
+    return calibration.with_vehicle(reference_density=brentq(off, *ends, xtol=WEIGHED))
+
+
 def changes_of(dives: Sequence[DiveSignals]) -> Array:
     """Change of each setting since the last dive that is no test, over `SETTINGS`, (dives, 5)."""
     rows = np.array([dive.settings() for dive in dives]).reshape(-1, len(SETTINGS))
@@ -207,7 +245,7 @@ def changes_of(dives: Sequence[DiveSignals]) -> Array:
 
 
 def rate_steps(
-    dives: Sequence[DiveSignals], vehicle: Vehicle, blind: Array | None
+    dives: Sequence[DiveSignals], vehicle: Vehicle, blind: Array | None, ballast: float = 0.0
 ) -> dict[str, Array]:
     """Steps of the rates from dive to dive by what is unknown of the net mass, (dives,) each.
 
@@ -216,13 +254,16 @@ def rate_steps(
 
     Args:
       blind: change of the depth's logarithm, over that of `SETTINGS`, where no dive has a density.
+      ballast: [kg] weight that the vehicle's file lacks.
     """
     rows = np.array([dive.settings() for dive in dives]).reshape(-1, len(SETTINGS))
     if vehicle.steered("buoyancy") is None or not len(rows):
         return {}
     found = {}
     for name, volume in (("rate_dive", rows[:, 2]), ("rate_climb", rows[:, 4])):
-        net = np.array([abs(vehicle.net_mass_for_pump(v)) for v in np.nan_to_num(volume)])
+        net = np.array([
+            abs(vehicle.net_mass_for_pump(v) + ballast) for v in np.nan_to_num(volume)
+        ])  # fmt: skip
         over = np.where(np.isfinite(volume), 0.5 / np.maximum(net, LEAST_NET), 0.0)
         found[name] = UNKNOWN_MASS * np.abs(np.diff(over, prepend=over[:1]))
         if blind is not None:

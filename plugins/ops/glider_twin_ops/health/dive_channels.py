@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -10,10 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from glider_twin_ops.health.channels import NAMES
+from glider_twin_ops.health.channels import NAMES, NOISE
 from twin import Vehicle
-from twin.identify import Calibration, Log, load_calibration, log_of, motion_of
+from twin.identify import Calibration, Log, Translation, load_calibration, log_of, motion_of
 from twin.numbers import Array
+from twin.vehicle import Consumption
 from twin.vehicle.laws import FlowFrame
 from twin.vehicle.parts import BatteryHinge, Fin, Pump
 
@@ -49,6 +51,8 @@ FINEST = 20.0
 """[s] Longest sample period at which a pump's strokes can be seen"""
 AGREE = 6.0
 """[s] Difference of a lag between the halves of a dive that is accepted, or the lag itself"""
+LOST = 0.5
+"""Largest fraction of lost samples below the surface of a dive whose glide is judged"""
 LAYER = 2.0
 """[m] Height of the layers in which the CTD's dives and climbs are compared"""
 SEA_LEVEL, ZERO_C = 101_325.0, 273.15
@@ -76,15 +80,39 @@ class DiveSignals:
     test: bool = False
     """A test dive, much shallower than the others"""
 
-    @property
+    @functools.cached_property
     def masked(self) -> bool:
         """True where only the hull is judged."""
-        return self.powered or self.test
+        return self.powered or self.test or self.lossy
+
+    @property
+    def lossy(self) -> bool:
+        """True where more than `LOST` of the samples below the surface are lost."""
+        depth = self.get("depth")
+        if depth is None:
+            return False
+        deep = depth > SHALLOW
+        return bool((deep & ~self.sampled()).sum() > LOST * deep.sum())
 
     def get(self, name: str) -> Array | None:
         """Return a measured signal, None where it has no finite value."""
         found = self.signals.get(f"measured_{name}")
         return None if found is None or not np.isfinite(found).any() else found
+
+    def sampled(self) -> Mask:
+        """True at samples with an original sample of the depth within `FINEST`."""
+        nearest = self.signals.get("measured_depth_time")
+        count = len(self.signals["measured_depth"])
+        if nearest is None:
+            return np.ones(count, bool)
+        away = np.abs(nearest - self.period * np.arange(count))
+        return np.asarray(away <= max(FINEST, self.period))
+
+    def original(self) -> DiveSignals:
+        """Dive without what the importer interpolated across losses of samples."""
+        known = self.sampled()
+        signals = {name: np.where(known, one, math.nan) for name, one in self.signals.items()}
+        return dataclasses.replace(self, signals=signals)
 
     def watered(self) -> Mask:
         """True at samples with the log's density and temperature within `NEAR`."""
@@ -101,9 +129,12 @@ class DiveSignals:
 
     def settings(self) -> list[float]:
         """Pilot's settings by the log: depth [m] of the lower turn, then pitch [degree] and pumped
-        volume [cm3] of the dive, and both of the climb. Nose up is positive; NaN where absent."""
+        volume [cm3] of the dive, and both of the climb. Nose up is positive; NaN where absent or
+        lost."""
         depth, pitch, pump = self.get("depth"), self.get("pitch"), self.get("pump")
-        found = [math.nan if depth is None else float(np.nanmax(depth))]
+        if depth is None or self.lossy:
+            return [math.nan] * 5
+        found = [float(np.nanmax(depth))]
         for sign in (-1.0, 1.0):
             way = np.zeros(0, bool) if pitch is None else sign * pitch > STEEP
             for values in (pitch, pump):
@@ -161,16 +192,19 @@ def channels_of(dive: DiveSignals, calibration: Calibration | None) -> Array:
     found = dict.fromkeys(NAMES, math.nan)
     depth = dive.get("depth")
     if depth is not None and len(depth) >= 10:
+        own = dive.original()
+        seen = own.signals["measured_depth"]
         if not dive.masked:
             if calibration is not None:
                 found |= _flight(dive, depth, calibration)
-                found |= _turning(dive, depth, calibration.vehicle)
-            found |= _pump(dive, depth)
-            found |= _power(dive, depth)
-            found |= _lags(dive, depth)
+                found |= _turning(own, seen, calibration.vehicle)
+            losses = None if calibration is None else Consumption.of(calibration.vehicle)
+            found |= _pump(own, seen, losses)
+            found |= _power(own, seen)
+            found |= _lags(own, seen)
             found["current_north"], found["current_east"] = dive.current
             found["echoes"] = dive.echoes
-        found |= _hull(dive, depth)
+        found |= _hull(own, seen)
     return np.array([found[name] for name in NAMES], float)
 
 
@@ -180,10 +214,8 @@ def _flight(dive: DiveSignals, depth: Array, calibration: Calibration) -> dict[s
     if log is None:
         return {}
     motion, vehicle = motion_of(log, calibration), calibration.vehicle
-    pitch = calibration.true_pitch(log.pitch)
-    sink = log.filtered(motion.sink_rate(log.roll, pitch))
-    used = log.use & dive.watered() & np.isfinite(sink)
-    moved = None
+    pitch, moved = calibration.true_pitch(log.pitch), None
+    found = _rates(dive, log, calibration, motion)
     if log.shift is not None:
         pump, battery = vehicle.steered("buoyancy"), vehicle.battery
         assert isinstance(pump, Pump)
@@ -201,16 +233,38 @@ def _flight(dive: DiveSignals, depth: Array, calibration: Calibration) -> dict[s
     for values, most in ((np.rad2deg(log.pitch), STEADY_CHANGE), (log.pump, STEADY_PUMP)):
         change = np.abs(np.diff(_binned(values, width, len(depth))))
         steady &= np.maximum(np.append(0.0, change), np.append(change, 0.0)) < most
-    found: dict[str, float] = {}
     for word, sign in PHASES:
-        phase = used & (sign * log.depth_rate > LEVEL_RATE)
-        if phase.sum() * dive.period < LEAST_BINS * BIN:
-            continue
-        found[f"rate_{word}"] = float(1.0 - sink[phase].sum() / log.depth_rate[phase].sum())
-        if moved is not None:
+        if moved is not None and f"rate_{word}" in found:
+            phase = log.use & dive.watered() & (sign * log.depth_rate > LEVEL_RATE)
             whole = steady & (_binned(phase.astype(float), width, len(depth)) > 0.9)
             found |= _median(f"trim_{word}", _binned(moved, width, len(depth)), whole)
     return found
+
+
+def _rates(
+    dive: DiveSignals, log: Log, calibration: Calibration, motion: Translation
+) -> dict[str, float]:
+    """1 less the flight model's depth rate over the log's, of dives and of climbs."""
+    sink = log.filtered(motion.sink_rate(log.roll, calibration.true_pitch(log.pitch)))
+    used, found = log.use & dive.watered() & np.isfinite(sink), {}
+    for word, sign in PHASES:
+        phase = used & (sign * log.depth_rate > LEVEL_RATE)
+        if phase.sum() * dive.period >= LEAST_BINS * BIN:
+            found[f"rate_{word}"] = float(1.0 - sink[phase].sum() / log.depth_rate[phase].sum())
+    return found
+
+
+def imbalance(dive: DiveSignals, calibration: Calibration) -> float:
+    """Difference of the rates' channels between a dive and its climb; NaN where it lacks one.
+
+    Drag moves both alike. Weight that the vehicle's file lacks makes it sink faster, and climb
+    slower, than the flight model does.
+    """
+    log = None if dive.masked else _log_of(dive, calibration)
+    if log is None:
+        return math.nan
+    found = _rates(dive, log, calibration, motion_of(log, calibration))
+    return found.get("rate_dive", math.nan) - found.get("rate_climb", math.nan)
 
 
 def _log_of(dive: DiveSignals, calibration: Calibration) -> Log | None:
@@ -220,8 +274,8 @@ def _log_of(dive: DiveSignals, calibration: Calibration) -> Log | None:
         return None
     flat = {f"measured_{name}": np.zeros(count) for name in ("roll", "heading")}
     known = {name: values for name, values in dive.signals.items() if np.isfinite(values).any()}
-    gap = {name: values for name, values in dive.signals.items() if name in WATER}
-    return log_of(0, {**flat, **known, **gap}, dive.period, None, False)
+    water = {name: values for name, values in dive.signals.items() if name in WATER}
+    return log_of(0, {**flat, **known, **water}, dive.period, None, False)
 
 
 def _median(name: str, values: Array | None, phase: Mask) -> dict[str, float]:
@@ -270,12 +324,18 @@ def _turning(dive: DiveSignals, depth: Array, vehicle: Vehicle) -> dict[str, flo
     return found
 
 
-def _pump(dive: DiveSignals, depth: Array) -> dict[str, float]:
-    """Channels of the pump's rate and of its energy over the work against the sea."""
+def _pump(dive: DiveSignals, depth: Array, losses: Consumption | None) -> dict[str, float]:
+    """Channels of the pump's rate and of its energy over that of the vehicle's file.
+
+    The file's energy of a stroke is the work against the sea over the pump's efficiency and a loss
+    that is the same at any depth; without a file (`losses` None) it is the work alone.
+    """
     volume = dive.get("pump")
     if volume is None or dive.period > FINEST:
         return {}
     rate, out, inner = strokes_of(volume, dive.period)
+    known = np.isfinite(volume)
+    out, inner = out & known, inner & known
     found: dict[str, float] = {}
     # a valve passes a little at any time, and short strokes consist of their ends
     if out.sum() >= 5:
@@ -288,6 +348,8 @@ def _pump(dive: DiveSignals, depth: Array) -> dict[str, float]:
         vacuum = dive.get("vacuum")
         inside = 3e4 if vacuum is None else float(np.nanmedian(vacuum))
         pressure = (1e4 * np.maximum(depth, 0.0) + inside)[out]
+        if losses is not None:
+            pressure = pressure / losses.pump_efficiency + losses.pump_loss
         against = float(np.nansum(pressure * 1e-6 * rate[out])) * dive.period
         taken = float(np.nansum(power[out | np.roll(out, 1)])) * dive.period
         if against > 100.0 and taken > 0.0:
@@ -303,8 +365,9 @@ def _power(dive: DiveSignals, depth: Array) -> dict[str, float]:
         known = np.isfinite(voltage) & np.isfinite(current) & (depth > SHALLOW)
         volts, amperes = voltage[known], current[known]
         if known.sum() > 20:
-            rest = np.median(amperes)
-            spread = 1.4826 * float(np.median(np.abs(amperes - rest)))
+            # drives move in most samples of a slow dive, and only add to the current
+            low, rest = np.quantile(amperes, [0.025, 0.2])
+            spread = float(rest - low)
             quiet = np.abs(amperes - rest) <= max(3.0 * spread, 1e-3)
             found["hotel"] = float(np.mean(amperes[quiet]) * np.mean(volts[quiet]))
             loaded = amperes > rest + max(0.1, 5.0 * spread)
@@ -312,7 +375,9 @@ def _power(dive: DiveSignals, depth: Array) -> dict[str, float]:
                 drop = float(np.median(volts[quiet])) - volts[loaded]
                 more = amperes[loaded] - rest
                 slope = float(drop @ more) / float((more**2).sum())
-                if slope > 1e-4:
+                # a shallow pump draws too little to tell
+                off = float(np.std(volts[quiet])) / math.sqrt(float((more**2).sum()))
+                if slope > max(1e-4, off / NOISE[NAMES.index("resistance")]):
                     found["resistance"] = math.log(slope)
     elif charge is not None and voltage is not None:
         read = np.flatnonzero(np.isfinite(charge))
@@ -335,12 +400,13 @@ def _hull(dive: DiveSignals, depth: Array) -> dict[str, float]:
         if warmth is not None and np.isfinite(warmth[under]).any():
             kelvin = ZERO_C + float(np.nanmean(warmth[under]))
         found["air"] = math.log((SEA_LEVEL - float(np.nanmean(vacuum[under]))) / kelvin)
-    highest = float(np.nanmin(depth))
+    known = depth[np.isfinite(depth)]
+    highest = float(known.min(initial=math.inf))
     if highest < 10.0:
         floats = np.abs(np.gradient(_filled(depth), dive.period)) < FLOATING
         afloat = floats & (depth < highest + AFLOAT)
         # a log that ends below the surface has only the sinking begin of the dive there
-        up = depth[np.isfinite(depth)][-1] < highest + 3.0 * AFLOAT
+        up = known[-1] < highest + 3.0 * AFLOAT
         if up and afloat.sum() >= max(2.0, RESTS / dive.period):
             found["surface_depth"] = float(np.median(depth[afloat]))
     if mode is not None:
@@ -375,7 +441,7 @@ def _lags(dive: DiveSignals, depth: Array) -> dict[str, float]:
 def _lag(values: Array, depth: Array, rate: Array) -> Array | None:
     """Lag [s] of a sensor: of the whole dive, its upper and its lower half, (3,)."""
     known = np.isfinite(values) & np.isfinite(depth) & (depth > SHALLOW) & (np.abs(rate) > 0.03)
-    place = (depth / LAYER).astype(int)
+    place = (np.nan_to_num(depth) / LAYER).astype(int)
     phases = known & (rate > 0.0), known & (rate < 0.0)
     if min(phase.sum() for phase in phases) < 30:
         return None

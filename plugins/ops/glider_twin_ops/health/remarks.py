@@ -12,6 +12,8 @@ from glider_twin_ops.health.signatures import TypicalDive
 from twin import Vehicle
 from twin.numbers import Array
 
+WEIGHTY = 0.03
+"""[kg] Least weight that a remark names"""
 LEANING = 3.0
 """[degree] Mean steering angle in dives and in climbs above which a remark names it"""
 TURNED, SURE = 3.0, 3.0
@@ -68,6 +70,17 @@ def _dives(numbers: Sequence[int]) -> str:
     runs = [(run[0], run[-1]) for run in np.split(np.asarray(numbers), breaks)]
     words = [f"{a}" if a == b else f"{a} to {b}" for a, b in runs]
     return f"dive{'s' if len(numbers) > 1 else ''} {', '.join(words)}"
+
+
+def ballast_remarks(ballast: float) -> tuple[str, ...]:
+    """Sentence on a weight [kg] that the vehicle's file lacks, from `WEIGHTY` on."""
+    if abs(ballast) < WEIGHTY:
+        return ()
+    word = "heavier" if ballast > 0.0 else "lighter"
+    return (
+        f"By its first dives the vehicle is {1e3 * abs(ballast):.0f} g {word} in this water than "
+        "its file says: the rates are judged with that weight.",
+    )
 
 
 def plan_remarks(

@@ -20,8 +20,9 @@ from glider_twin_ops.health.channels import (
 from glider_twin_ops.health.deployment_dives import changes_of
 from glider_twin_ops.health.dive_channels import DiveSignals, channels_of, flight_model
 from glider_twin_ops.health.judgement import follow, rings
-from glider_twin_ops.health.remarks import remarks_of
+from glider_twin_ops.health.remarks import ballast_remarks, remarks_of
 from glider_twin_ops.health.signatures import usual_dive
+from twin.vehicle import Consumption
 
 DIVES = 20
 
@@ -93,6 +94,80 @@ def test_a_pump_works_against_the_sea_and_the_vacuum_inside():
     found = channels_of(DiveSignals(period=1.0, signals=signals), None)
     assert found[PLACE["pump_work"]] == pytest.approx(math.log(2.0))
     assert found[PLACE["pump_rate"]] == pytest.approx(0.0)  # 1 cm3/s
+
+
+def test_a_pump_is_judged_by_its_files_energy_at_any_depth():
+    """A loss of the motor at any depth would look like a weaker pump in shallow dives."""
+    vehicle = twin.load_vehicle("slocum-1000")
+    losses = Consumption.of(vehicle)
+    assert losses.pump_loss > 0.0
+    volume = np.clip(np.arange(150.0) - 20.0, 0.0, 100.0)
+    stroke = np.diff(volume, prepend=0.0) > 0.0
+
+    def work(depth, spent=1.0, lost=()):
+        pressure = (1e4 * depth + 3e4) / losses.pump_efficiency + losses.pump_loss
+        power = np.where(stroke, spent * 1e-6 * pressure, 0.0)
+        signals = {
+            "measured_depth": np.full(150, depth), "measured_pump": volume,
+            "measured_pump_power": power, "measured_depth_time": np.arange(150.0),
+        }  # fmt: skip
+        for sample in lost:  # what the importer interpolates is no stroke
+            signals["measured_depth_time"][sample] += 100.0
+            signals["measured_pump_power"][sample] = 0.0
+        return channels_of(DiveSignals(period=1.0, signals=signals), flight_model(vehicle))[
+            PLACE["pump_work"]
+        ]
+
+    assert [work(50.0), work(400.0), work(900.0)] == pytest.approx([0.0] * 3, abs=1e-9)
+    assert work(400.0, lost=range(30, 40)) == pytest.approx(0.0, abs=1e-9)
+    assert work(400.0, spent=1.25) == pytest.approx(math.log(1.25))
+
+
+def electric(moving, load, seed=0):
+    """Dive of 500 samples whose electronics take 20 mA; drives move in a part of the samples, and a
+    pump takes `load` [A] in 30; the battery has 0.4 Ohm."""
+    rng = np.random.default_rng(seed)
+    amperes = 0.02 + 0.06 * (rng.random(500) < moving)
+    amperes[100:130] += load
+    volts = 15.0 - 0.4 * amperes + 0.01 * rng.standard_normal(500)
+    signals = {
+        "measured_depth": np.full(500, 50.0), "measured_voltage": volts,
+        "measured_battery_current": amperes + 0.001 * rng.standard_normal(500),
+    }  # fmt: skip
+    found = channels_of(DiveSignals(period=4.0, signals=signals), None)
+    return found[[PLACE["hotel"], PLACE["resistance"]]]
+
+
+def test_drives_that_move_in_most_samples_are_no_electronics():
+    for moving in (0.0, 0.3, 0.7):
+        assert electric(moving, 2.0)[0] == pytest.approx(0.02 * 15.0, rel=0.1)
+
+
+def test_a_battery_has_a_resistance_where_the_pump_draws_enough():
+    assert electric(0.0, 2.0)[1] == pytest.approx(math.log(0.4), abs=0.05)
+    assert math.isnan(electric(0.0, 0.12)[1])
+
+
+def test_of_a_dive_that_lost_most_samples_the_hull_is_judged_alone():
+    whole = dive()
+    count = len(whole.signals["measured_depth"])
+    time = whole.period * np.arange(count)
+    for part, judged in ((0.3, True), (0.7, False)):
+        lost = np.where(np.arange(count) < part * count, time + 500.0, time)
+        signals = {**whole.signals, "measured_depth_time": lost}
+        one = dataclasses.replace(whole, signals=signals)
+        found = channels_of(one, flight_model(twin.load_vehicle("slocum-200")))
+        assert one.masked is not judged
+        assert np.isfinite(one.settings()[0]) == judged
+        assert np.isfinite(found[PLACE["rate_climb"]]) == judged
+        assert np.isfinite(found[PLACE["air"]])
+
+
+def test_a_weight_that_the_file_lacks_is_said_in_grams():
+    assert ballast_remarks(0.02) == ()
+    (heavy,), (light,) = ballast_remarks(0.131), ballast_remarks(-0.05)
+    assert "131 g heavier in this water than its file says" in heavy
+    assert "50 g lighter" in light
 
 
 def test_an_alarm_stands_until_no_fault_is_as_likely():

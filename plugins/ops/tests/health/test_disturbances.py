@@ -118,7 +118,7 @@ def test_a_wrong_speed_and_a_tide_are_no_iron(glider, noise, cause):
     ways = ways_on(headings)
     north, east = ways.T
     phase = TIDES[0] * 86400.0 * DAYS
-    off = np.deg2rad(15.0) * np.sin(np.deg2rad(headings)) * (np.arange(DIVES) >= 10)
+    off = np.deg2rad(22.0) * np.sin(np.deg2rad(headings)) * (np.arange(DIVES) >= 10)
     sound = noise(5, DIVES)
     sound[:, [PLACE["current_north"], PLACE["current_east"]]] += {
         "speed": 0.15 * ways,

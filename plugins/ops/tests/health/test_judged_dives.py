@@ -9,17 +9,24 @@ from logs import SHARED, stored
 
 import twin
 from glider_twin_ops.health.channels import NAMES, NOISE, PLACE
-from glider_twin_ops.health.deployment_dives import rate_steps, told_by
+from glider_twin_ops.health.deployment_dives import ballasted, rate_steps, told_by, values_of
 from glider_twin_ops.health.dive_channels import (
     DiveSignals,
     channels_of,
     flight_model,
     strokes_of,
 )
-from glider_twin_ops.health.signatures import held, signatures_of, usual_dive
+from glider_twin_ops.health.signatures import (
+    dive_scenario,
+    held,
+    signatures_of,
+    told,
+    usual_dive,
+)
 from twin.identify import load_calibration
 from twin.logs import estimate_flight
 from twin.mission import track_to_follow
+from twin.physics import Lane, flown_abreast
 from twin.records import LogStore
 
 SLOCUM = twin.load_vehicle("slocum-200")
@@ -166,6 +173,32 @@ def test_a_small_net_mass_and_an_unknown_density_make_rates_unsure():
     assert blind[2] > 10.0 * blind[1]  # another depth, another water
 
 
+def flown(net_mass):
+    """Log of a dive by a Slocum that is as its file says."""
+    asked = dataclasses.replace(usual_dive(SLOCUM), net_mass=net_mass, climb_net_mass=net_mass)
+    scenario = dive_scenario(SLOCUM, held(SLOCUM, asked))
+    ((_, found),) = flown_abreast([Lane(scenario, until_flown=True)])
+    return told(scenario, found)
+
+
+def test_a_weight_that_the_file_lacks_moves_no_rate():
+    """70 g move the rates by 0.1 and more, and another volume moves them again."""
+    dives = [flown(0.24)] * 3 + [flown(0.14)] * 3
+    rates = [PLACE["rate_dive"], PLACE["rate_climb"]]
+    right = values_of(dives, flight_model(SLOCUM))[:, rates]
+    density = SLOCUM.reference_density
+    for other in (density - 1.4, density + 1.4):
+        calibration = flight_model(SLOCUM.replace(reference_density=other))
+        assert np.abs(values_of(dives, calibration)[:, rates] - right).min() > 0.08
+        found = ballasted(dives, calibration)
+        assert found.vehicle.reference_density == pytest.approx(density, abs=0.2)
+        assert values_of(dives, found)[:, rates] == pytest.approx(right, abs=0.02)
+    # drag moves dives and climbs alike, and is no weight
+    calibration = flight_model(SLOCUM)
+    slow = calibration.with_vehicle(law=SLOCUM.law.with_drag(1.3))
+    assert ballasted(dives, slow).vehicle.reference_density == pytest.approx(density, abs=0.2)
+
+
 def test_where_the_ctd_is_off_what_needs_the_water_is_not_judged():
     z = np.concatenate([np.linspace(0.0, 100.0, 200), np.linspace(100.0, 0.0, 200)])
     down = np.arange(400) < 200
@@ -176,17 +209,17 @@ def test_where_the_ctd_is_off_what_needs_the_water_is_not_judged():
     }  # fmt: skip
     calibration = flight_model(SLOCUM)
 
-    def told(**changes):
+    def channels(**changes):
         every = signals | {f"measured_{name}": values for name, values in changes.items()}
         found = channels_of(DiveSignals(period=4.0, signals=every), calibration)
         return found[[PLACE["rate_dive"], PLACE["rate_climb"], PLACE["air"]]]
 
     nothing = np.full(400, math.nan)
-    assert np.isfinite(told()).all()
-    assert np.isnan(told(density=nothing, temperature=nothing)).all()
+    assert np.isfinite(channels()).all()
+    assert np.isnan(channels(density=nothing, temperature=nothing)).all()
     # off in climbs: dives are judged
     down_only = np.where(down, 1026.0, math.nan)
-    assert np.isfinite(told(density=down_only)).tolist() == [True, False, True]
+    assert np.isfinite(channels(density=down_only)).tolist() == [True, False, True]
 
 
 def test_a_lag_needs_full_rate_and_halves_that_agree():
@@ -217,12 +250,14 @@ def test_health_says_of_a_real_log_what_the_flight_model_says(tmp_path):
     pytest.importorskip("pyarrow")
     store = stored(tmp_path / "real.zarr", "slocum", [SHARED / "slocum_unit334_2023"])
     with LogStore(store) as logs:
-        told = told_by(logs, "unit334", SLOCUM)
-    flight = estimate_flight(store, SLOCUM, thermal_lag=False)
-    calibration = load_calibration(SLOCUM)
+        found = told_by(logs, "unit334", SLOCUM)
+    heavier = SLOCUM.mass / (SLOCUM.mass - found["ballast"])
+    own = SLOCUM.replace(reference_density=SLOCUM.reference_density * heavier)
+    flight = estimate_flight(store, own, thermal_lag=False)
+    calibration = load_calibration(own)
     assert calibration == flight.calibration
     compared = 0
-    for one, values in zip(flight.missions, told["values"], strict=True):
+    for one, values in zip(flight.missions, found["values"], strict=True):
         dive = one.dive
         for word, phase in (("dive", dive.descending), ("climb", dive.ascending)):
             rate = values[PLACE[f"rate_{word}"]]

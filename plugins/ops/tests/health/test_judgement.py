@@ -156,6 +156,22 @@ def test_a_log_that_ends_below_tells_no_depth_at_the_surface():
     assert math.isnan(moment)
 
 
+def test_samples_that_the_importer_interpolated_tell_no_depth_at_the_surface():
+    whole = dive(zero=0.3)
+    depth = whole.signals["measured_depth"]
+    count = len(depth)
+    rising = np.arange(count) >= count - 60
+    lost = depth.copy()
+    lost[-60:] = np.linspace(lost[-61], 0.0, 60)  # ends in a ramp as slow as floating
+    lost[-20:] = np.linspace(0.2, 0.0, 20)
+    time = 4.0 * np.arange(count)
+    nearest = np.where(rising, time[-61], time)
+    for stamped, told_depth in ((time, True), (nearest, False)):
+        signals = {"measured_depth": lost, "measured_depth_time": stamped}
+        found = told("surface_depth", DiveSignals(period=4.0, signals=signals))
+        assert math.isfinite(found) == told_depth
+
+
 def test_a_late_cell_is_told_though_waves_move_the_water():
     calm, rough = (channel("cell_lag", conductivity_lag=20.0, waves=waves) for waves in (0.0, 3.0))
     assert calm == pytest.approx(20.0, rel=0.1)
