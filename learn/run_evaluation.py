@@ -79,7 +79,8 @@ def evaluate_run(
     if further is not None:
         more = evaluate(networks, further, split="all", watch=watch_of(every), **common)
         found["further"] = len(more.methods[NETWORK].scores)
-        evaluation = dataclasses.replace(pooled([evaluation, more]), store=evaluation.store)
+        kept = {"store": evaluation.store, "missing": evaluation.missing}
+        evaluation = dataclasses.replace(pooled([evaluation, more]), **kept)
     found |= evaluation.to_json()
     if not logged:
         found["uncertainty"] = coverage.figures()
