@@ -79,8 +79,8 @@ def evaluate_run(
     if further is not None:
         more = evaluate(networks, further, split="all", watch=watch_of(every), **common)
         found["further"] = len(more.methods[NETWORK].scores)
-        kept = {"store": evaluation.store, "missing": evaluation.missing}
-        evaluation = dataclasses.replace(pooled([evaluation, more]), **kept)
+        joined = pooled([evaluation, more])
+        evaluation = dataclasses.replace(joined, store=evaluation.store, missing=evaluation.missing)
     found |= evaluation.to_json()
     if not logged:
         found["uncertainty"] = coverage.figures()
