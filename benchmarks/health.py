@@ -248,8 +248,8 @@ def _bound(
             signature[:, NAMES.index(name)] = values
     since = (one.time - one.time[begun]) / 86400.0
     size = abs(fault.size) * (np.maximum(since, 0.0) if fault.grows else 1.0)
-    size = np.broadcast_to(size, since.shape)[:, None]
-    shown = size * np.broadcast_to(np.nan_to_num(np.atleast_2d(signature)), one.values.shape)
+    sizes = np.broadcast_to(size, since.shape)[:, None]
+    shown = sizes * np.broadcast_to(np.nan_to_num(np.atleast_2d(signature)), one.values.shape)
     # a channel shows a fault in dives that have it, beside dives before
     known = np.isfinite(one.values) & np.isfinite(one.values[:begun]).any(axis=0)
     over = np.where(known, shown / np.sqrt(one.levels.expected[begun - 1]), 0.0)

@@ -120,8 +120,9 @@ def put_in(kind: str, dive: DiveSignals, days: float) -> DiveSignals:
         current += way
         way *= complex(math.cos(math.radians(TURN)), math.sin(math.radians(TURN)))
         current -= way
-    moved = {"way": (way.real, way.imag), "current": (current.real, current.imag)}
-    return dataclasses.replace(dive, signals=signals, **moved)
+    return dataclasses.replace(
+        dive, signals=signals, way=(way.real, way.imag), current=(current.real, current.imag)
+    )
 
 
 def _bound(found: DeploymentHealth, told: dict[str, Any], kind: str, size: float) -> float:

@@ -5,16 +5,17 @@ The functions return values and print nothing. The command line calls them too.
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from learn.data.stores import Stores
-from learn.finishing import Say, check_finish, finish
+from learn.finishing import check_finish, finish
 from learn.report.contents import RunEvaluation
 from learn.run import RUNS, Run, free_name, open_run
-from learn.run_evaluation import evaluate_run
+from learn.run_evaluation import LEAST_JUDGED, Say, evaluate_run, further_missions
 from learn.run_folder import training_folder
 from learn.training import fitting
 from learn.training.fit_config import fit_settings
@@ -93,6 +94,8 @@ def evaluate(
     split: str = "test",
     baselines: Sequence[str] | None = None,
     watches: Sequence[EvaluationWatch] = (),
+    least: int = LEAST_JUDGED,
+    say: Say = lambda _: None,
 ) -> RunEvaluation:
     """Evaluate a run on a store, next to the baselines and a lower bound of the error.
 
@@ -101,7 +104,10 @@ def evaluate(
       store: missions or logs; None is the run's own store.
       split: test, train, validation or all.
       baselines: names of velocity estimators; None runs all, an empty sequence none.
-      watches: functions called with every mission and all its estimates.
+      watches: functions called with every mission of the store and all its estimates.
+      least: least number of missions to judge by. What the split lacks is flown by the store's
+        recipe with a seed of its own; 0 judges by the store's missions alone.
+      say: called with a sentence before such flights.
 
     Returns:
       The evaluation; `figures` maps names to errors in m/s and in % of the path length.
@@ -112,7 +118,12 @@ def evaluate(
     """
     found = run if isinstance(run, Run) else open_run(run)
     place = found.store if store is None else store
-    return evaluate_run(found, place, split=split, baselines=baselines, watches=watches)
+    with tempfile.TemporaryDirectory(prefix="glider-twin-") as elsewhere:
+        kept = found.folder if place in found.stores else Path(elsewhere)
+        further = further_missions(place, split, kept, least=least, say=say)
+        return evaluate_run(
+            found, place, split=split, baselines=baselines, watches=watches, further=further
+        )
 
 
 EXPORTS = ("onnx", "c")

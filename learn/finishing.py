@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from learn.files import write_sealed
 from learn.networks.familiarity import HELD_TO, MISSIONS, Familiarity, Tether, training_flights
 from learn.report.card import model_card
 from learn.report.contents import Contents, RunEvaluation, Study
+from learn.report.result_tables import judged_missions
 from learn.report.run_page import build_log_page, build_page
 from learn.report.velocity_figures import LABELS, TRAINING_PANELS
 from learn.run import (
@@ -30,13 +31,14 @@ from learn.run import (
     Run,
 )
 from learn.run_evaluation import (
+    LEAST_JUDGED,
+    Say,
     evaluate_own,
     evaluate_run,
     evaluation_split,
     is_log_store,
     judge,
 )
-from twin.cli.text_table import counted
 from twin.navigation.estimators.base import Estimate
 from twin.navigation.features import GLIDER_PARTS, channels_of
 from twin.navigation.settings import ESTIMATED
@@ -54,8 +56,6 @@ IDEAL_SENSORS = "ideal"
 JUDGED = 1000
 """Largest number of missions evaluated after the training; `learn evaluate` has no limit"""
 PAPER_TEST_STORE = "paper-test.zarr"
-
-Say = Callable[[str], None]
 
 
 def check_finish(store: str) -> None:
@@ -92,7 +92,7 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
         model, tether = _errors(run, others)
         run = run.remember(error_model=dataclasses.asdict(model), **tether)
     say(f"evaluating on {split} missions, at most {JUDGED}, with floor and baselines")
-    test = evaluate_own(run, split=split, limit=JUDGED)
+    test = evaluate_own(run, split=split, limit=JUDGED, least=LEAST_JUDGED, say=say)
     write_sealed(run.folder / EVALUATION, test.figures)
     paper = None if is_log_store(run.stores[0]) else _paper_test(run, say)
     if paper is not None:
@@ -114,8 +114,7 @@ def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, hi
         return build_log_page(folder, run, test, provenance(run), history)
     contents = Contents(
         title=f"Surge and sway networks: {run.name}",
-        lead=f"{settings['network']['kind']} networks, {test.figures['missions']} "
-        f"{test.evaluation.split} missions of {test.evaluation.store}",
+        lead=f"{settings['network']['kind']} networks, {judged_missions(test.figures)}",
         test=test,
         paper_test=paper,
         labels=run.label_sentences(),
@@ -131,12 +130,12 @@ def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, hi
 
 def write_evaluation_page(folder: Path, run: Run, found: RunEvaluation, *, history: str) -> Path:
     """Write the page of a run's evaluation on any store; `history` is the command line to show."""
-    store, split = found.evaluation.store, found.evaluation.split
+    store = found.evaluation.store
     if is_log_store(store):
         return build_log_page(folder, run, found, provenance(run), history)
     contents = Contents(
         title=f"{run.name} on {Path(store).name}",
-        lead=f"{counted(found.figures['missions'], 'mission')} ({split}) of {store}",
+        lead=judged_missions(found.figures),
         test=found,
         labels=run.label_sentences(),
         error_model=run.error_model(),

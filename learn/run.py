@@ -6,6 +6,7 @@ runs/NAME/
   sway-0.safetensors    (more members of an ensemble: -1, -2 ...)
   metrics.jsonl         one line per validation of each network
   evaluation.json       what `learn evaluate --json` prints, on the store's test missions
+  judged-HASH.zarr      missions flown to judge by, if the test split has too few
   README.md             model card
   report/               index.html and its figures as PNG
   checksums.json        size and SHA-256 of all these files, by which `factory verify` checks them

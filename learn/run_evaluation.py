@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,16 +13,25 @@ import numpy as np
 from learn.data.dataset import SPLITS, MissionSequence, Selection, any_channel
 from learn.evaluation.deviation import Coverage, FixConsistency
 from learn.evaluation.evaluation import Evaluation, Watch, evaluate, pooled
+from learn.evaluation.score import NETWORK
 from learn.networks.familiarity import Familiarity, ended
 from learn.report.contents import RunEvaluation, Showcase
 from learn.run import Run
 from twin.cli.console import to_json
+from twin.cli.text_table import counted
+from twin.errors import TwinError
 from twin.navigation.estimators.base import Estimate
 from twin.navigation.flight_filter import FlightFilter
+from twin.records.attributes import SETTINGS
 from twin.records.coordinates import START_LATITUDE
+from twin.records.presence import read_attributes
 from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle
+
+LEAST_JUDGED = 66
+"""Least number of missions that judge a run: the median of fewer is uncertain by a tenth or more"""
+Say = Callable[[str], None]
 
 
 def evaluate_run(
@@ -31,10 +42,15 @@ def evaluate_run(
     baselines: Sequence[str] | None = None,
     limit: int | None = None,
     watches: Sequence[Watch] = (),
+    further: StorePath | None = None,
 ) -> RunEvaluation:
     """Evaluate a run on a store and keep the missions that a page draws; errors as in `evaluate`.
 
     Logs have no true tracks: none of them are kept, and `limit` has no effect.
+
+    Args:
+      further: store of `further_missions`, whose missions are all judged together with the split's;
+        `watches` do not see them, since their numbers are those of other missions.
     """
     logged = is_log_store(store)
     with MissionStore(store) as reader:
@@ -43,27 +59,29 @@ def evaluate_run(
     outside = None if hulls is None else hulls.outside
     showcase, coverage = Showcase(), Coverage(run.error_model(), run.adapted, outside)
     at_fixes = None if logged else _consistency(run, store)
-    seeing = watches if logged else (showcase.add, coverage.add, *watches)
-    if at_fixes is not None:
-        seeing = (at_fixes.add, *seeing)
-    if hulls is not None:
-        seeing = (hulls.add, *seeing)
+    every: list[Watch] = [] if logged else [coverage.add]
+    every += [] if at_fixes is None else [at_fixes.add]
+    every += [] if hulls is None else [hulls.add]
+    own = [*every, *([] if logged else [showcase.add]), *watches]
 
-    def watch(reference: Any, estimates: Mapping[str, Estimate]) -> None:
-        for see in seeing:
-            see(reference, estimates)
+    def watch_of(seeing: Sequence[Watch]) -> Watch:
+        def watch(reference: Any, estimates: Mapping[str, Estimate]) -> None:
+            for see in seeing:
+                see(reference, estimates)
 
-    evaluation = evaluate(
-        networks,
-        store,
-        split=split,
-        baselines=baselines,
-        limit=limit,
-        watch=watch,
-        period=run.period,
-        labels=run.labels if run.labels.source == "dvl" else None,
-    )
-    found = {"run": str(run.folder), **evaluation.to_json()}
+        return watch
+
+    labels = run.labels if run.labels.source == "dvl" else None
+    common: dict[str, Any] = {"baselines": baselines, "period": run.period, "labels": labels}
+    watch = watch_of(own)
+    evaluation = evaluate(networks, store, split=split, limit=limit, watch=watch, **common)
+    found: dict[str, Any] = {"run": str(run.folder)}
+    if further is not None:
+        more = evaluate(networks, further, split="all", watch=watch_of(every), **common)
+        found["further"] = len(more.methods[NETWORK].scores)
+        joined = pooled([evaluation, more])
+        evaluation = dataclasses.replace(joined, store=evaluation.store, missing=evaluation.missing)
+    found |= evaluation.to_json()
     if not logged:
         found["uncertainty"] = coverage.figures()
     if at_fixes is not None:
@@ -73,18 +91,75 @@ def evaluate_run(
     return RunEvaluation(evaluation=evaluation, figures=to_json(found), shown=showcase.missions)
 
 
-def evaluate_own(run: Run, *, split: str, limit: int | None = None) -> RunEvaluation:
+def further_missions(
+    store: str | StorePath, split: str, folder: Path, *, least: int, say: Callable[[str], None]
+) -> StorePath | None:
+    """Fly the missions that a split lacks to `least`, by the store's recipe and a seed of its own.
+
+    The seed is taken from the recipe's hash: all runs on a store are judged on equal missions,
+    which trained none of them.
+
+    Args:
+      folder: folder that keeps the missions, as a store named by the recipe.
+      say: called with a sentence before the flights, or with the reason why there are none.
+
+    Returns:
+      The store; None if the split has enough, and for stores whose recipe cannot be flown.
+    """
+    from factory.generation.generated_store import GeneratedStore
+    from factory.generation.generation import generate
+    from factory.sampling.presets import PRESETS
+
+    attributes = read_attributes(store)
+    if split == "all" or SETTINGS not in attributes or is_log_store(store):
+        return None
+    with Selection(store, any_channel(store), split=split) as selection:
+        own = len(selection)
+    if own >= least:
+        return None
+    try:
+        recipe = GeneratedStore(store).recipe
+    except TwinError as error:
+        say(f"judging by {counted(own, 'mission')} alone: {error}")
+        return None
+    if PRESETS[recipe.preset].fixed_missions:
+        return None
+    lacking = max(least - own, len(SPLITS))
+    more, hours = recipe, lacking * recipe.plan.hours / len(recipe.plan)
+    while more is recipe or len(more.plan) < lacking:  # durations are sampled
+        more = dataclasses.replace(recipe, seed=int(recipe.digest[:8], 16), hours=hours)
+        hours *= 1.05
+    say(
+        f"flying {counted(len(more.plan), 'mission')} more of this recipe to judge by: the store "
+        f"has {counted(own, split + ' mission')}"
+    )
+    path = folder / f"judged-{more.digest[:8]}.zarr"
+    generate(more, path, resume=True, history="learn")
+    return path
+
+
+def evaluate_own(
+    run: Run, *, split: str, limit: int | None = None, least: int = 0, say: Say = lambda _: None
+) -> RunEvaluation:
     """Evaluate a run on all stores that it was trained on; errors as in `evaluate`.
 
     The numbers are over the missions of all stores; if there are several, `stores` has each one's
     by its path. The missions to draw are the first store's.
+
+    Args:
+      least: least number of missions over all stores, see `further_missions`.
     """
-    each = [evaluate_run(run, store, split=split, limit=limit) for store in run.stores]
+    share = math.ceil(least / len(run.stores))
+    each = []
+    for store in run.stores:
+        further = further_missions(store, split, run.folder, least=share, say=say)
+        each.append(evaluate_run(run, store, split=split, limit=limit, further=further))
     if len(each) == 1:
         return each[0]
     everything = pooled([one.evaluation for one in each])
     stores = {one.evaluation.store: one.figures for one in each}
     figures = {"run": str(run.folder), **everything.to_json(), "stores": stores}
+    figures["further"] = sum(one.figures.get("further", 0) for one in each)
     return RunEvaluation(evaluation=everything, figures=to_json(figures), shown=each[0].shown)
 
 

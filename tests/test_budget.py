@@ -24,52 +24,52 @@ SLACK = 150
 """Lines that a room may have less than its row says before the row is lowered"""
 
 ROOMS = {
-    "benchmarks": (12075, 89574),
-    "factory": (1549, 11674),
-    "factory/commands": (992, 5905),
+    "benchmarks": (13073, 98527),
+    "factory": (1550, 11678),
+    "factory/commands": (995, 5923),
     "factory/exporting": (2124, 12171),
-    "factory/generation": (1831, 10520),
-    "factory/importing": (12627, 90851),
+    "factory/generation": (1831, 10527),
+    "factory/importing": (13919, 100729),
     "factory/samples": (774, 5625),
-    "factory/sampling": (2479, 14279),
-    "learn": (1712, 9232),
-    "learn/commands": (520, 2957),
+    "factory/sampling": (2526, 14532),
+    "learn": (1798, 9837),
+    "learn/commands": (531, 3018),
     "learn/data": (1636, 9667),
     "learn/evaluation": (1399, 8752),
     "learn/networks": (2418, 14158),
-    "learn/report": (1675, 10955),
+    "learn/report": (1696, 11084),
     "learn/training": (2482, 15078),
-    "plugins": (19837, 138922),
+    "plugins": (19931, 139606),
     "scripts": (2025, 13650),
-    "tests": (64871, 561357),
-    "twin": (2352, 12481),
+    "tests": (66677, 580747),
+    "twin": (2353, 12495),
     "twin/checks": (1318, 8696),
     "twin/cli": (1328, 8059),
-    "twin/commands": (2203, 12564),
+    "twin/commands": (2206, 12583),
     "twin/compiled": (1267, 7267),
     "twin/control": (4126, 24587),
-    "twin/faults": (1205, 6569),
+    "twin/faults": (1215, 6647),
     "twin/fossen": (2501, 18700),
-    "twin/identify": (7909, 55366),
+    "twin/identify": (7955, 56041),
     "twin/logs": (2803, 19239),
-    "twin/mission": (4443, 28503),
-    "twin/navigation": (6502, 38260),
-    "twin/physics": (5827, 40148),
-    "twin/records": (4971, 28858),
+    "twin/mission": (4500, 28891),
+    "twin/navigation": (6800, 40027),
+    "twin/physics": (5857, 40329),
+    "twin/records": (4977, 28858),
     "twin/sensors": (3430, 22469),
     "twin/show": (10203, 63216),
-    "twin/vehicle": (4678, 30939),
+    "twin/vehicle": (4679, 30949),
     "twin/water": (4903, 33073),
 }
 """Of a room: most lines of all its text files, docstrings and blank lines included, and most Python
 tokens, so that longer lines win nothing"""
-MODULES = 526
+MODULES = 536
 LONGEST_FUNCTION, USUAL_FUNCTION = 187, 39
 """Lines of the longest function of the product, and of the 95th percentile"""
-OWN_IMPORTS = 6.38
+OWN_IMPORTS = 6.35
 """Distinct own modules that a file of the product imports, in the mean; where small modules were
 joined, a file imports more and all files together less"""
-RADIUS = {"factory generate": (78, 808), "learn fit": (173, 1861)}
+RADIUS = {"factory generate": (85, 854), "learn fit": (174, 1925)}
 """Files and functions of the product that a job runs"""
 VARIES = 1.03
 """What is compiled, and what a processor can, changes which functions run"""

@@ -36,10 +36,10 @@ TUNED = dataclasses.replace(SCG, epochs=15)
 BASE = ("pitch", "roll", "p", "q", "r")
 INPUTS = (BASE, (*BASE, "depth_rate"), (*BASE, "depth_rate", "propeller"))
 """Inputs of networks; a training takes the longest that all its runs have"""
-VEHICLES, HOURS = ("remus", "tethys"), 1.2
+VEHICLES, HOURS = ("remus", "tethys"), 4.0
 """Simulated vehicles, and hours of missions of both together"""
-MISSIONS = {"mission.duration_h": "0.15", "mission.segment_duration_s": "uniform(60, 180)"}
-"""Missions as short as the logs"""
+MISSIONS = {"mission.duration_h": "0.5", "mission.segment_duration_s": "uniform(200, 600)"}
+"""Missions about as short as the logs; the first minutes are at the surface"""
 NETWORKS = ("network, real only", "network, simulation only", "network, simulation then real")
 TARGETS = ("surge", "sway")
 Pretrained = Mapping[tuple[str, ...], Mapping[str, Predictor]]

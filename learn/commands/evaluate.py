@@ -15,7 +15,6 @@ from learn import newest_run, open_run
 from twin.cli.console import Console, JsonOption
 from twin.cli.options import StoreArgument
 from twin.cli.program import EXIT_OK
-from twin.cli.text_table import counted
 from twin.errors import InputError
 
 if TYPE_CHECKING:
@@ -50,7 +49,7 @@ class Evaluate(JsonOption):
         from learn.evaluation import TrackCollector, check_target, sentences
         from learn.files import check_file, check_folder
         from learn.finishing import write_evaluation_page
-        from learn.report import dive_rows, summary_rows, verdicts
+        from learn.report import dive_rows, judged_missions, summary_rows, verdicts
         from learn.run_evaluation import is_log_store
 
         run = newest_run() if self.run_folder is None else open_run(self.run_folder)
@@ -80,6 +79,7 @@ class Evaluate(JsonOption):
                 store,
                 split=self.split,
                 watches=[*watches, see],
+                say=progress.note,
             )
         reasons: dict[str, list[str]] = {}
         for name, why in found.evaluation.missing.items():
@@ -98,8 +98,7 @@ class Evaluate(JsonOption):
         console.answer(**figures, tracks=self.tracks, report=page)
         console.table(
             summary_rows(figures),
-            title=f"{run.folder} on {counted(figures['missions'], 'mission')} "
-            f"({self.split}) of {store}: "
+            title=f"{run.folder} on {judged_missions(figures)}: "
             "MSE in (m/s)², dead reckoning in % of the distance through the water",
             digits=3,
         )

@@ -59,8 +59,9 @@ def velocity_rows(evaluation: Figures) -> list[Row]:
 
 def printed_row(paper: Mapping[str, float]) -> Row:
     """Row of `velocity_rows` with the paper's errors, `PAPER` or `PAPER_PROPELLED`."""
+    conditions = " (ideal sensors, nominal vehicle)" if paper is PAPER else ""
     return {
-        "method": "the paper's networks, as printed",
+        "method": f"the paper's networks, as printed{conditions}",
         "surge MSE [(m/s)²]": paper["surge_mse"],
         "sway MSE [(m/s)²]": paper["sway_mse"],
     }
@@ -72,7 +73,10 @@ def paper_sentence(paper_test: Figures) -> str:
         f"surge {found['surge_mse']:.1e}, sway {found['sway_mse']:.1e}"
         for found in (paper_test, PAPER)
     )
-    return f"The paper's test: MSE {ours} (m/s)². The paper prints {theirs} of its own networks."
+    return (
+        f"The paper's test, nominal vehicle and the store's sensors: MSE {ours} (m/s)². The paper "
+        f"prints {theirs} of its own networks, with ideal sensors."
+    )
 
 
 def track_rows(evaluation: Figures, track: str) -> list[Row]:
@@ -329,6 +333,23 @@ def _list(words: Sequence[str]) -> str:
     return ", ".join(words[:-1]) + " and " + words[-1]
 
 
+def rank(figures: Figures, key: str = "dr_water_percent_mean") -> str:
+    """Rank of the networks among them and the baselines by an error, such as "2 of 6"."""
+    mine = figures[key]
+    theirs = [one[key] for one in figures["baselines"].values() if one[key] is not None]
+    if mine is None or not theirs:
+        return "-"
+    return f"{1 + sum(value < mine for value in theirs)} of {1 + len(theirs)}"
+
+
+def judged_missions(figures: Figures) -> str:
+    """Missions of an evaluation in words: how many, of which store, how many flown to judge by."""
+    further, split = figures.get("further", 0), figures["split"]
+    words = "mission" if split == "all" else f"{split} mission"
+    text = f"{counted(figures['missions'] - further, words)} of {figures['store']}"
+    return f"{text} and {further} more of its recipe" if further else text
+
+
 def tell_report(console: Console, run: Run) -> None:
     """Print the numbers of an evaluated run and the path of its page."""
     figures, paper = run.figures, run.paper_figures
@@ -342,8 +363,7 @@ def tell_report(console: Console, run: Run) -> None:
     )
     console.table(
         summary_rows(figures),
-        title=f"{counted(figures['missions'], figures['split'] + ' mission')} of "
-        f"{figures['store']}: "
+        title=f"{judged_missions(figures)}: "
         "MSE in (m/s)², dead reckoning in % of the distance through the water",
         digits=3,
     )

@@ -253,12 +253,12 @@ def _key_figures(page: Page, found: Mapping[str, Any]) -> None:
 
     page.numbers(
         {
-            "missions": str(found["missions"]),
+            "through the water, mean": text("dr_water_percent_mean", "%"),
+            "rank among methods": result_tables.rank(found),
+            "missions judged": str(found["missions"]),
+            "with true attitude, mean": text("dr_velocity_percent_mean", "%"),
             "surge MSE, all samples": text("surge_mse", "(m/s)²"),
             "sway MSE, all samples": text("sway_mse", "(m/s)²"),
-            "through the water, mean": text("dr_water_percent_mean", "%"),
-            "with true attitude, mean": text("dr_velocity_percent_mean", "%"),
-            "over ground, no current known, mean": text("dr_ground_percent_mean", "%"),
         }
     )
 

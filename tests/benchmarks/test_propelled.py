@@ -8,13 +8,14 @@ import pytest
 from logs import SHARED, sailfish_columns
 
 from benchmarks import command
-from benchmarks.real_logs import propelled
+from benchmarks.real_logs import propelled, propelled_networks
 from benchmarks.real_logs.__main__ import main
 from benchmarks.real_logs.propelled_runs import Run, gather, gridded
 from benchmarks.real_logs.propelled_speeds import METHODS
 from benchmarks.real_logs.row import Row, keep, markdown
 from benchmarks.real_logs.row import kept as read
 from factory.samples import write_csv
+from learn.networks.base import NetworkConfig
 from twin.navigation.propelled_surge import Propulsion, ThrustBalance
 
 TIME = np.arange(0.0, 240.0)
@@ -171,3 +172,25 @@ def test_public_runs_are_known_better_than_by_a_constant_speed():
     found = {(r.data, r.method): r.value for r in rows if r.task == propelled.STANDING}
     assert found["Iver2", "standing, found"] > 80.0
     assert found["Sailfish", "standing, found"] > 75.0
+
+
+def test_each_network_predicts_held_out_and_left_out_runs(monkeypatch):
+    small = NetworkConfig(kind="elman", hidden=4, layers=1, delays=2)
+    monkeypatch.setattr(propelled_networks, "ELMAN", small)
+    for name, epochs in (("SCG", 10), ("TUNED", 10)):
+        brief = dataclasses.replace(propelled_networks.SCG, epochs=epochs, validations=2)
+        monkeypatch.setattr(propelled_networks, name, brief)
+    runs = [made(k) for k in range(5)]
+    lost = dataclasses.replace(runs[0], surge=np.where(TIME < 60.0, np.nan, runs[0].surge))
+    names = propelled_networks.INPUTS[-1]
+    slow = [dataclasses.replace(run, surge=0.5 * run.surge) for run in runs]  # as simulation is off
+    table = {t: propelled_networks.pretrain(slow, names, t, 0) for t in propelled_networks.TARGETS}
+    found = propelled_networks.network_velocities(
+        [lost, *runs[1:3]], [runs[3]], [runs[4]], {names: table}, 0
+    )
+    assert [set(one) for one in found] == [set(propelled.NETWORKS)] * 2
+    for one in found:
+        assert all(velocity.shape == (2, TIME.size) for velocity in one.values())
+        assert all(np.isfinite(velocity).all() for velocity in one.values())
+    alone, tuned = (found[1][propelled.NETWORKS[k]][0] for k in (1, 2))
+    assert np.abs(alone - tuned).max() > 1e-4  # real runs change what simulation taught

@@ -173,7 +173,7 @@ def _stalled(problem: DepthRates, x: Array) -> tuple[int, ...]:
         for side in (rate > FALLING, rate < -FALLING):
             if side.sum() * log.period > STALL:
                 part = np.median(rate[side]) / np.median((rate + missed)[side])
-                found[log.index] = found.get(log.index, False) or part < STALLED
+                found[log.index] = found.get(log.index, False) or bool(part < STALLED)
     return tuple(row for row, slow in found.items() if slow)
 
 

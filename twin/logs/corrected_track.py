@@ -35,7 +35,7 @@ fixes would look like a current of 10 cm/s."""
 UNDER_WATER = 3.0
 """[m] Depth that a dive must exceed between two fixes; shallower, the vehicle is at the surface"""
 SPEED_DEVIATION = 0.02
-"""[m/s] Standard deviation of a flight model's speed; 0.017 against a Doppler log (real_logs.md)"""
+"""[m/s] Standard deviation of a flight model's speed; 0.014 against a Doppler log (real_logs.md)"""
 HEADING_DEVIATION = math.radians(2.0)
 """[rad] Standard deviation of the heading of a calibrated compass"""
 FOLLOWS_WITHIN = 3600.0

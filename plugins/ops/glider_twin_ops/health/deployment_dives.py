@@ -169,8 +169,8 @@ def told_by(logs: LogStore, deployment: str, vehicle: Vehicle) -> dict[str, Any]
     rows, dives, ways = dives_of(logs, deployment, calibration)
     if calibration is not None:
         calibration = ballasted(dives, calibration)
-        found = calibration.vehicle
-        ballast = found.mass * (1.0 - vehicle.reference_density / found.reference_density)
+        density = calibration.vehicle.reference_density
+        ballast = vehicle.mass * (1.0 - vehicle.reference_density / density)
     numbers = logs.array(DIVE) if DIVE in logs else np.arange(len(logs))
     lasted = np.nan_to_num(logs.number(DIVE_DURATION)[rows])
     changes = changes_of(dives)
@@ -178,9 +178,8 @@ def told_by(logs: LogStore, deployment: str, vehicle: Vehicle) -> dict[str, Any]
     if all(dive.get("temperature") is None for dive in dives):
         wander[:, PLACE["air"]] = UNTOLD_WARMING
     blind = all(dive.get("density") is None for dive in dives)
-    for name, steps in rate_steps(
-        dives, vehicle, changes[:, 0] if blind else None, ballast
-    ).items():
+    depths = changes[:, 0] if blind else None
+    for name, steps in rate_steps(dives, vehicle, depths, ballast).items():
         wander[:, PLACE[name]] = steps
     return {
         "name": deployment,
@@ -261,9 +260,8 @@ def rate_steps(
         return {}
     found = {}
     for name, volume in (("rate_dive", rows[:, 2]), ("rate_climb", rows[:, 4])):
-        net = np.array([
-            abs(vehicle.net_mass_for_pump(v) + ballast) for v in np.nan_to_num(volume)
-        ])  # fmt: skip
+        pulls = [vehicle.net_mass_for_pump(v) + ballast for v in np.nan_to_num(volume)]
+        net = np.abs(pulls)
         over = np.where(np.isfinite(volume), 0.5 / np.maximum(net, LEAST_NET), 0.0)
         found[name] = UNKNOWN_MASS * np.abs(np.diff(over, prepend=over[:1]))
         if blind is not None:

@@ -101,11 +101,8 @@ class DiveSignals:
 
     def sampled(self) -> Mask:
         """True at samples with an original sample of the depth within `FINEST`."""
-        nearest = self.signals.get("measured_depth_time")
-        count = len(self.signals["measured_depth"])
-        if nearest is None:
-            return np.ones(count, bool)
-        away = np.abs(nearest - self.period * np.arange(count))
+        time = self.period * np.arange(len(self.signals["measured_depth"]))
+        away = np.abs(self.signals.get("measured_depth_time", time) - time)
         return np.asarray(away <= max(FINEST, self.period))
 
     def original(self) -> DiveSignals:
@@ -255,11 +252,8 @@ def _rates(
 
 
 def imbalance(dive: DiveSignals, calibration: Calibration) -> float:
-    """Difference of the rates' channels between a dive and its climb; NaN where it lacks one.
-
-    Drag moves both alike. Weight that the vehicle's file lacks makes it sink faster, and climb
-    slower, than the flight model does.
-    """
+    """Difference of the rates' channels between a dive and its climb, which drag moves alike and a
+    weight apart; NaN where one is lacking."""
     log = None if dive.masked else _log_of(dive, calibration)
     if log is None:
         return math.nan
@@ -325,17 +319,13 @@ def _turning(dive: DiveSignals, depth: Array, vehicle: Vehicle) -> dict[str, flo
 
 
 def _pump(dive: DiveSignals, depth: Array, losses: Consumption | None) -> dict[str, float]:
-    """Channels of the pump's rate and of its energy over that of the vehicle's file.
-
-    The file's energy of a stroke is the work against the sea over the pump's efficiency and a loss
-    that is the same at any depth; without a file (`losses` None) it is the work alone.
-    """
+    """Channels of the pump's rate and of its energy over that of the vehicle's file, or over the
+    work against the sea without one."""
     volume = dive.get("pump")
     if volume is None or dive.period > FINEST:
         return {}
     rate, out, inner = strokes_of(volume, dive.period)
-    known = np.isfinite(volume)
-    out, inner = out & known, inner & known
+    out, inner = (one & np.isfinite(volume) for one in (out, inner))
     found: dict[str, float] = {}
     # a valve passes a little at any time, and short strokes consist of their ends
     if out.sum() >= 5:

@@ -74,13 +74,11 @@ def _dives(numbers: Sequence[int]) -> str:
 
 def ballast_remarks(ballast: float) -> tuple[str, ...]:
     """Sentence on a weight [kg] that the vehicle's file lacks, from `WEIGHTY` on."""
-    if abs(ballast) < WEIGHTY:
-        return ()
-    word = "heavier" if ballast > 0.0 else "lighter"
-    return (
-        f"By its first dives the vehicle is {1e3 * abs(ballast):.0f} g {word} in this water than "
-        "its file says: the rates are judged with that weight.",
+    off = f"{1e3 * abs(ballast):.0f} g {'heavier' if ballast > 0.0 else 'lighter'}"
+    said = (
+        f"By its first dives the vehicle is {off} in this water than its file says: the rates are "
     )
+    return (said + "judged with that weight.",) if abs(ballast) >= WEIGHTY else ()
 
 
 def plan_remarks(
