@@ -40,6 +40,7 @@ from benchmarks.processes import DONE, ROOT, fork, wait
 
 sys.path.insert(0, str(ROOT / "tests"))
 
+import pd0_files
 from logs import SOUND
 
 from benchmarks.damage import COLUMNS, OPERATIONS, damage, damaged_flight
@@ -48,8 +49,11 @@ from factory import samples
 LONGEST_S, MOST_BYTES, KILLED_BYTES = 60.0, 7 * 10**8, 3 * 10**9
 """Limits of one import: processor time [s] and memory [byte] without the libraries'; and the memory
 at which it is stopped"""
+DOPPLER = "pd0:0"
+"""Layout of an instrument, which logs no flight of a vehicle"""
 LAYOUTS = [f"{kind}:{k}" for kind, some in samples.formats().items() for k in range(len(some))]
-BARE = ("slocum:1", "mcap:0", "rosbag2:0", "ardusub:0", "lsf:0", "dorado:0")
+LAYOUTS += [DOPPLER]
+BARE = ("slocum:1", "mcap:0", "rosbag2:0", "ardusub:0", "lsf:0", "dorado:0", DOPPLER)
 """Layouts without tables and variables"""
 TABLES = ("slocum:0", "seaglider:0", "seaexplorer:0", "csv:0")
 """Layouts without attributes"""
@@ -131,6 +135,12 @@ def prepare(mutant: Mutant, folder: Path, real: Path | None) -> str:
         assert real is not None, f"{mutant.name} needs --real"
         for path in sorted(real.glob(pattern)):
             shutil.copyfile(path, folder / path.name)
+    elif mutant.layout == DOPPLER:
+        dives = [one for k in (0, 1) for one in pd0_files.yo(80, start=pd0_files.START + 900.0 * k)]
+        turned = [{**one, "heading": 40.0 + 0.3 * k} for k, one in enumerate(dives)]
+        pd0_files.write(folder / "yo.pd0", turned)
+        if flying:
+            return ""
     else:
         flight = damaged_flight(random) if flying else SOUND
         try:
