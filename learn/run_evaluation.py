@@ -29,8 +29,8 @@ from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle
 
-LEAST_JUDGED = 66
-"""Least number of missions that judge a run: the median of fewer is uncertain by a tenth or more"""
+LEAST_JUDGED = 24
+"""Least number of missions that judge a run; one of two hours costs about a second, flight included"""
 Say = Callable[[str], None]
 
 
