@@ -30,7 +30,7 @@ from twin.records.storage.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle
 
 LEAST_JUDGED = 24
-"""Least number of missions that judge a run; one of two hours costs about a second, flight included"""
+"""Least number of missions that judge a run; one of two hours takes a second, flight included"""
 Say = Callable[[str], None]
 
 
