@@ -4,6 +4,9 @@ import pytest
 from learn_missions import write_synthetic_store
 from navigation import write_flown_store
 
+import learn.api
+import learn.finishing
+
 
 @pytest.fixture(scope="session")
 def small_store(tmp_path_factory):
@@ -17,3 +20,10 @@ def small_store(tmp_path_factory):
 def flown_store(tmp_path_factory):
     """Four missions with everything that dead reckoning needs: two train, then one and one."""
     return write_flown_store(tmp_path_factory.mktemp("flown") / "flown.zarr")
+
+
+@pytest.fixture(autouse=True)
+def judged_by_the_store_alone(monkeypatch):
+    """Leave out further missions, which have a test of their own and take a minute."""
+    monkeypatch.setattr(learn.finishing, "LEAST_JUDGED", 0)
+    monkeypatch.setitem(learn.api.evaluate.__kwdefaults__, "least", 0)

@@ -244,9 +244,9 @@ def _contact_remark(run: Trajectory) -> str:
 
 
 def _stall_remark(scenario: Scenario, run: Trajectory) -> str:
-    """Remark that a glider fell with stalled wings instead of gliding; empty if never."""
+    """Remark that a glider fell with stalled wings; empty if never, or if it touched ground."""
     law, (surge, _, heave) = scenario.vehicle.law, run.v_rel.T
-    if not is_flow_frame(law):
+    if not is_flow_frame(law) or summarise(run).get("grounded"):
         return ""
     attack = np.abs(np.arctan2(heave, surge))
     stalled = (attack > law.blend_angle) & (run["true_depth"] > UNDER_WATER_M)
