@@ -29,7 +29,7 @@ def beam_directions(angle: float, alignment: float, *, upward: bool = False) -> 
 
 
 def measured(velocity: np.ndarray, one: dict[str, Any]) -> np.ndarray:
-    """What the instrument writes [m/s] of a hull's velocity in the instrument's FRD axes."""
+    """Velocity that the instrument writes [m/s] for a hull's in the instrument's FRD axes."""
     past = -velocity  # the water, or the bottom
     level = one["axes"] == "earth" or (one["axes"] == "ship" and one["level"])
     if level:

@@ -180,7 +180,7 @@ def combine(held: Sequence[Run], found: Sequence[Sequence[Array]], axis: int) ->
 
 
 def pieces(runs: Sequence[Run]) -> list[tuple[int, slice]]:
-    """What the bootstrap draws: runs, or their pieces where they are few; run and samples."""
+    """Blocks of the bootstrap: runs, or their pieces if they are few; run and samples."""
     found = []
     for k, one in enumerate(runs):
         step = one.surge.size if len(runs) >= FEW else round(PIECE / one.period)
@@ -189,7 +189,7 @@ def pieces(runs: Sequence[Run]) -> list[tuple[int, slice]]:
 
 
 def hindsight(one: Run) -> Found:
-    """What no better use of a run leaves: its own mean, and a line in all its inputs."""
+    """Lower bounds by hindsight on a run: its own mean, and a line in all its inputs."""
     inputs = np.stack([*one.signals.values(), np.ones(one.surge.size)], axis=1)
     both = [(v, one.moving & np.isfinite(v)) for v in (one.surge, one.sway)]
     return {

@@ -78,7 +78,7 @@ def test_a_lost_wing_rolls_it_to_its_side_in_dives_and_away_in_climbs(sound, sid
 
 @pytest.mark.parametrize(("side", "sign"), [("port", 1.0), ("starboard", -1.0), ("both", 0.0)])
 def test_the_drag_of_the_wing_that_is_left_turns_it_to_that_side(side, sign):
-    """What one wing lost, the other still has, beside the axis: its moment about the vertical."""
+    """The wing that is left drags beside the axis: its moment about the vertical."""
     sound = healthy(scenario("glider"))
     law = sound.vehicle.flow_frame
     now = condition_at([FAULTS["wing_lost"](side=side)], sound, 0.0).vehicle.flow_frame
@@ -179,7 +179,7 @@ def test_half_of_the_packs_give_the_same_current_through_twice_the_resistance():
 
 
 def test_a_litre_of_water_compresses_the_air_in_the_hull():
-    """By Boyle's law: the air, 35 % of the hull, has a litre less room; less vacuum is left."""
+    """Boyle's law: the air, 35 % of the hull, has a litre less room; less vacuum is left."""
     sound, wrong = electric(FAULTS["water_taken"](per_day=1.0, start=KNOT / 2.0 - DAY))
     room = 0.35 * 1e3 * twin.load_vehicle("glider").neutral_volume  # [litre]
     before, after = (101_325.0 - one["measured_vacuum"][0] for one in (sound, wrong))

@@ -49,7 +49,7 @@ def test_basestation_figures_give_the_same_drag_lift_and_volume():
 
 @pytest.mark.parametrize("reference", [10.0, 15.0, 2.0])
 def test_a_hull_has_its_neutral_volume_at_the_temperature_of_its_file(reference):
-    """By hand: mass over density at that temperature; 7.05e-5 of it less for each kelvin colder."""
+    """Mass over density at that temperature; 7.05e-5 of it less for each kelvin colder."""
     vehicle = load_vehicle("seaglider").replace(hull_reference_temperature=reference)
     calibration = load_calibration(vehicle)
     assert load_vehicle("seaglider").hull_reference_temperature == 15.0

@@ -275,7 +275,7 @@ def test_errors_teach(call, message):
 
 @pytest.mark.parametrize(("known", "reach"), [(8, (0.5, 2.0 * math.log(10.0))), (10, (0.6, 1.0))])
 def test_a_reach_counts_the_fix_to_come_among_the_known_ones(known, reach):
-    """Of 11 alike the new one is below the sixth of ten in 6 of 11 cases, half at least; of nine it
+    """The new one of 11 alike is below the sixth of ten in 6 of 11 cases, half at least; of nine it
     would have to be below a ninth, which is not known: the normal distribution's is taken."""
     found = Reaches.of(0.1 * k for k in range(known, 0, -1))
     assert found.now == pytest.approx(reach, rel=1e-4)

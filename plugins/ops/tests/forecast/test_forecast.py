@@ -366,7 +366,7 @@ def test_a_file_of_another_time_is_refused_with_the_way_out(tmp_path):
 
 @pytest.mark.parametrize("count", [9, 39])
 def test_a_box_of_a_notice_holds_another_vehicle_as_often_as_it_says(count):
-    """Of `count` + 1 alike one is the farthest to each of four sides: no distribution matters."""
+    """One of `count` + 1 alike is the farthest to each of four sides: no distribution matters."""
     rng, trials = np.random.default_rng(4), 400
     held, says = 0, set()
     for _ in range(trials):
