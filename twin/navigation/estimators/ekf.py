@@ -27,7 +27,6 @@ from twin.compiled import jit
 from twin.errors import InputError
 from twin.fossen.equations import skew
 from twin.fossen.forces import ForceParameters, damping_wrench, parameters_of
-from twin.identify.speed import net_mass
 from twin.navigation.dead_reckoning import (
     RESTING_WINDOW_S,
     SHALLOW_DEPTH,
@@ -46,6 +45,7 @@ from twin.navigation.estimators.base import (
     State,
 )
 from twin.navigation.estimators.flight import GlideModel
+from twin.vehicle.steady_motion import net_mass
 from twin.vehicle.vehicle import Vehicle
 
 STATES = 5
