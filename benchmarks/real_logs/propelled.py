@@ -2,8 +2,8 @@
 
 One run is left out each time; every method knows the velocities of the vehicle's other runs alone.
 Then one vehicle is left out, and methods know the velocities of the other vehicles. Networks learn
-from these runs, from simulation, or from both. The combination weighs all methods by their errors
-in training runs that are held out for that.
+from these runs, from simulation, or from both. The combination weighs all methods, and the filter
+takes them as measurements, by their errors in training runs that are held out for that.
 """
 
 from __future__ import annotations
@@ -13,13 +13,23 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import nnls
 
+from benchmarks.real_logs.propelled_combination import (
+    COMBINED,
+    FEW,
+    FILTERED,
+    PLAIN,
+    SHRUNK,
+    Found,
+    Parts,
+    combine,
+    pieces,
+    splits,
+)
 from benchmarks.real_logs.propelled_networks import NETWORKS, Pretrained, network_velocities
 from benchmarks.real_logs.propelled_runs import Run
 from benchmarks.real_logs.propelled_speeds import (
     CONSTANT,
-    LINE,
     METHODS,
     known,
     learned_quiet,
@@ -41,20 +51,15 @@ from twin.navigation.dead_reckoning import Array, AttitudeSeries, rotate_to_ned
 SURGE, SWAY, PATH = "propelled, surge", "propelled, sway", "propelled, path"
 RATIO, UNDER_WAY = "propelled, surge over constant speed", "propelled, surge under way"
 STANDING, LATER = "propelled, standing", "propelled, second half by the first"
-LEFT_OUT = "propelled, one vehicle left out"
-TASKS = (SURGE, RATIO, UNDER_WAY, SWAY, PATH, STANDING, LATER, LEFT_OUT)
-PIECE = 120.0
-"""[s] Pieces that the bootstrap draws where a vehicle has less than four runs"""
-FEW = 4
-"""Fewest runs for a bootstrap over runs; fewest moving samples for a default"""
-EQUAL = 0.02
-"""[1] Pull of the combination's weights towards equal ones, as a fraction of the variance"""
-PLAIN = "constant speed, never standing"
-COMBINED, DEFAULT, FIRST = "combination", "default", "mean of the first half"
+LEFT_OUT, BOUND = "propelled, one vehicle left out", "propelled, surge beside bounds"
+TASKS = (SURGE, BOUND, UNDER_WAY, LEFT_OUT, RATIO, SWAY, PATH, STANDING, LATER)
+DEFAULT, FIRST = "default", "mean of the first half"
 STANDING_FIGURES = ("standing, found", "moving, taken for standing")
-FLOORS = ("own mean, in hindsight", "line in all inputs, in hindsight")
-Found = dict[str, Array]
-"""Surge and sway [m/s] of a run, (2, time), by method"""
+FLOORS = ("own mean, in hindsight", "line in all inputs and their past, in hindsight")
+KEPT = (CONSTANT, COMBINED, FILTERED)
+"""Methods that are not shrunk: to a constant they have nothing to lose"""
+PAST = (10.0, 30.0)
+"""[s] Times before a sample whose means and noise the last line has"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,15 +79,15 @@ class Fold:
         """True: methods know runs of the same vehicle."""
         return self.train[0].vehicle == self.tests[0].vehicle
 
-    def network_velocities(self, used: Sequence[Run], held: Sequence[Run]) -> list[Found]:
+    def network_velocities(self, parts: Parts) -> list[Found]:
         """Velocities of held-out runs and of the tests; an earlier call's where it kept them."""
-        count, first = len(held) + len(self.tests), self.tests[0]
+        count, first = sum(len(held) for _, held in parts) + len(self.tests), self.tests[0]
         if self.pretrained is None or self.place is None:
             return [{} for _ in range(count)]
         by = "-".join(dict.fromkeys(run.vehicle for run in self.train))
         path = self.place / f"{first.vehicle}-{first.name}-by-{by}-{self.seed}.npz"
         if not path.exists():
-            found = network_velocities(used, held, self.tests, self.pretrained, self.seed)
+            found = network_velocities(parts, self.tests, self.pretrained, self.seed)
             np.savez(path, **{f"{n} {k}": v for k, one in enumerate(found) for n, v in one.items()})
         with np.load(path) as kept:
             return [{n: kept[f"{n} {k}"] for n in NETWORKS} for k in range(count)]
@@ -103,20 +108,6 @@ def folds(
         parts.append((others, tuple(runs)))
         found += [Fold(*part, pretrained, seed, place) for part in parts if part[0]]
     return found
-
-
-def split(train: Sequence[Run], test: Run) -> tuple[list[Run], list[Run]]:
-    """Divide training runs into used and held-out ones: the vehicle most alike, every fourth run,
-    the last of few, or half of a single one."""
-    alike = {run.vehicle: len(set(run.signals) & set(test.signals)) for run in train}
-    if len(alike) > 1:
-        held = max(alike, key=lambda name: alike[name])
-        return [r for r in train if r.vehicle != held], [r for r in train if r.vehicle == held]
-    if len(train) == 1:
-        half = train[0].surge.size // 2
-        return [train[0].part(slice(0, half))], [train[0].part(slice(half, None))]
-    rows = list(range(3, len(train), 4)) or [len(train) - 1]
-    return [r for k, r in enumerate(train) if k not in rows], [train[k] for k in rows]
 
 
 def velocities(train: Sequence[Run], runs: Sequence[Run]) -> list[Found]:
@@ -143,85 +134,74 @@ def velocities(train: Sequence[Run], runs: Sequence[Run]) -> list[Found]:
 
 
 def run(fold: Fold) -> list[Found]:
-    """Velocity of each left-out run by each method, and their combination."""
-    used, held = split(fold.train, fold.tests[0])
-    found = velocities(used, held) + velocities(fold.train, fold.tests)
-    networks = fold.network_velocities(used, held)
+    """Velocity of each left-out run by each method, by each shrunk, and by their combination."""
+    parts = splits(fold.train)
+    early = [one for used, held in parts for one in velocities(used, held)]
+    found = [*early, *velocities(fold.train, fold.tests)]
+    networks = fold.network_velocities(parts)
     found = [one | more for one, more in zip(found, networks, strict=True)]
-    early, answers = found[: len(held)], found[len(held) :]
-    names = [n for n in answers[0] if n != PLAIN and all(n in one for one in found)]
-    both = []
-    for axis in (0, 1):
-        weights = combine(held, [[one[name][axis] for name in names] for one in early], axis)
-        both.append([weights @ [one[name][axis] for name in names] for one in answers])
-    return [
-        one | {COMBINED: np.stack(pair)}
-        for one, pair in zip(answers, zip(*both, strict=True), strict=True)
-    ]
-
-
-def combine(held: Sequence[Run], found: Sequence[Sequence[Array]], axis: int) -> Array:
-    """Weights of the methods, at least 0 and 1 together, of least error on held-out runs.
-
-    Args:
-      found: surge or sway [m/s] of each run by each method. axis: 0 for surge, 1 for sway.
-    """
-    rows = [run.moving & np.isfinite((run.surge, run.sway)[axis]) for run in held]
-    truth = np.concatenate([(r.surge, r.sway)[axis][m] for r, m in zip(held, rows, strict=True)])
-    each = np.concatenate([np.stack(f, axis=1)[m] for f, m in zip(found, rows, strict=True)])
-    size = each.shape[1]
-    pull = np.sqrt(EQUAL * truth.size) * (truth.std() if truth.size else 1.0)
-    matrix = np.concatenate([each, pull * np.eye(size), 1e3 * np.ones((1, size))])
-    weights, _ = nnls(matrix, np.concatenate([truth, np.full(size, pull / size), [1e3]]))
-    return np.asarray(weights / weights.sum())
+    early, answers = found[: len(early)], found[len(early) :]
+    more = combine([run for _, held in parts for run in held], early, answers)
+    return [one | shrunk for one, shrunk in zip(answers, more, strict=True)]
 
 
 # --- scores ---------------------------------------------------------------------------------------
 
 
-def pieces(runs: Sequence[Run]) -> list[tuple[int, slice]]:
-    """Blocks of the bootstrap: runs, or their pieces if they are few; run and samples."""
-    found = []
-    for k, one in enumerate(runs):
-        step = one.surge.size if len(runs) >= FEW else round(PIECE / one.period)
-        found += [(k, slice(n, n + step)) for n in range(0, one.surge.size, step)]
-    return found
+def past(run: Run) -> Array:
+    """Channels of a run, their means and the logarithms of their noise over `PAST`, (time, n)."""
+    found = [*run.signals.values(), np.ones(run.surge.size)]
+    ends = np.arange(1, run.surge.size + 1)
+    for begins in (np.maximum(ends - round(seconds / run.period), 0) for seconds in PAST):
+        for values in run.signals.values():
+            sums = [np.cumsum(np.append(0.0, v)) for v in (values, values**2)]
+            mean, square = ((one[ends] - one[begins]) / (ends - begins) for one in sums)
+            found += [mean, np.log(np.sqrt(np.maximum(square - mean**2, 0.0)) + 1e-3)]
+    return np.stack(found, axis=1)
 
 
-def hindsight(one: Run) -> Found:
-    """Lower bounds by hindsight on a run: its own mean, and a line in all its inputs."""
-    inputs = np.stack([*one.signals.values(), np.ones(one.surge.size)], axis=1)
-    both = [(v, one.moving & np.isfinite(v)) for v in (one.surge, one.sway)]
-    return {
-        name: np.stack([x @ np.linalg.lstsq(x[good], v[good], rcond=None)[0] for v, good in both])
-        for name, x in zip(FLOORS, (inputs[:, -1:], inputs), strict=True)
-    }
+def hindsight(runs: Sequence[Run]) -> list[Found]:
+    """Lower bounds of surge: each run's own mean, and one line in all runs' channels and past."""
+    inputs = [past(run) for run in runs]
+    joined = np.concatenate([x[run.moving] for x, run in zip(inputs, runs, strict=True)])
+    law = np.linalg.lstsq(joined, known(runs, lambda run: run.surge), rcond=None)[0]
+    means = [float(run.surge[run.moving].mean()) for run in runs]
+    return [
+        {FLOORS[0]: np.full((2, len(x)), mean), FLOORS[1]: np.stack([x @ law] * 2)}
+        for x, mean in zip(inputs, means, strict=True)
+    ]
 
 
 def methods_of(runs: Sequence[Run], found: Sequence[Found], axis: int, note: str) -> list[Method]:
     """Errors of surge or sway in moving samples of each piece, by methods that all runs have."""
     cut = pieces(runs)
     methods = []
-    for name in [n for n in found[0] if all(n in one for one in found)]:
+    for name in [n for n in found[0] if SHRUNK not in n and all(n in one for one in found)]:
         off = [f[name][axis] - (r.surge, r.sway)[axis] for r, f in zip(runs, found, strict=True)]
         errors = {k: off[n][span][runs[n].moving[span]] for k, (n, span) in enumerate(cut)}
-        learned = name in (*NETWORKS, COMBINED, DEFAULT)
+        learned = name in (*NETWORKS, COMBINED, FILTERED, DEFAULT)
         kind = "floor" if name in FLOORS else "network" if learned else "public method"
         methods.append(Method(name=name, kind=kind, note=note, errors=errors))
     return methods
 
 
-def ratio_rows(vehicle: str, methods: Sequence[Method]) -> list[Row]:
-    """Rows of each method's RMSE over that of the constant speed, on the same bootstrap samples."""
-    draws = {one.name: pooled_draws([list(one.errors.values())]) for one in common(methods)}
+def ratio_rows(data: str, runs: Sequence[Run], found: Sequence[Found]) -> list[Row]:
+    """Rows of each shrunk method's RMSE over that of the constant speed, on the same samples."""
+    plain = [
+        {n.removesuffix(SHRUNK): v for n, v in one.items() if n in KEPT or n.endswith(SHRUNK)}
+        for one in found
+    ]
+    methods = common(methods_of(runs, plain, 0, "shrunk by the gain in held-out runs"))
+    draws = {one.name: pooled_draws([list(one.errors.values())]) for one in methods}
+    level = {one.name: rmse(np.concatenate([*one.errors.values()])) for one in methods}
     rows = []
     for one in methods:
-        if one.kind != "floor" and one.name not in (CONSTANT, PLAIN):
-            over = draws[one.name] / draws[CONSTANT]
-            low, high = central(over[1:])
+        if one.name != CONSTANT:
+            low, high = central(draws[one.name][1:] / draws[CONSTANT][1:])
             rows.append(Row(
-                task=RATIO, data=vehicle, method=one.name, kind=one.kind, value=float(over[0]),
-                low=low, high=high, unit="1", note=one.note, dives=len(one.errors),
+                task=RATIO, data=data, method=one.name, kind=one.kind,
+                value=level[one.name] / level[CONSTANT], low=low, high=high, unit="1",
+                note=one.note, dives=len(one.errors),
                 samples=sum(errors.size for errors in one.errors.values()),
             ))  # fmt: skip
     return rows
@@ -289,20 +269,18 @@ def halves(one: Run, found: Found) -> tuple[Run, Found] | None:
     mean = float(one.surge[:half][rows].mean())
     every = found | {FIRST: np.stack([np.where(surge > 0.0, mean, 0.0), sway])}
     errors = {n: rmse((v[0] - one.surge)[:half][rows]) for n, v in every.items()}
-    kept = {name: every[name] for name in (CONSTANT, FIRST, COMBINED)}
+    kept = {name: every[name] for name in (CONSTANT, FIRST, COMBINED, FILTERED)}
     kept[DEFAULT] = every[min(errors, key=lambda name: errors[name])]
     return one.part(slice(half, None)), {name: v[:, half:] for name, v in kept.items()}
 
 
-def under_way(runs: Sequence[Run], found: Sequence[Found]) -> list[Method]:
-    """Errors at more than half the usual speed, where constant and line are fitted to the same."""
-    slowest = 0.5 * float(np.percentile(known(runs, lambda run: run.surge), 90.0))
-    fast = [dataclasses.replace(run, slowest=slowest) for run in runs]
-    again = []
-    for k, (one, answer) in enumerate(zip(fast, found, strict=True)):
-        (fitted,) = velocities([*fast[:k], *fast[k + 1 :]], [one])
-        again.append(answer | {name: fitted[name] for name in (CONSTANT, LINE) if name in fitted})
-    return methods_of(fast, again, 0, f"above {slowest:.2f} m/s")
+def fast(fold: Fold, slowest: float) -> Fold:
+    """Make a fold whose samples move above `slowest` [m/s], and whose methods learn from these."""
+    train, tests = (
+        tuple(dataclasses.replace(run, slowest=slowest) for run in runs)
+        for runs in (fold.train, fold.tests)
+    )
+    return dataclasses.replace(fold, train=train, tests=tests)
 
 
 def rows_of(
@@ -314,19 +292,25 @@ def rows_of(
         mine = [p for p in zip(jobs, answers, strict=True) if p[0].tests[0].vehicle == vehicle]
         own, other = ([f for j, a in mine if j.own is kind for f in a] for kind in (True, False))
         if own:
-            full = [
-                f | hindsight(r) if r.moving.any() else f for r, f in zip(runs, own, strict=True)
-            ]
-            full = [one for r, one in zip(runs, full, strict=True) if r.moving.any()]
-            able = [run for run in runs if run.moving.any()]
-            surge = methods_of(able, full, 0, "other runs' velocities")
-            rows += rmse_rows(SURGE, vehicle, surge) + ratio_rows(vehicle, surge)
-            rows += rmse_rows(SWAY, vehicle, methods_of(able, full, 1, "other runs' velocities"))
-            rows += rmse_rows(UNDER_WAY, vehicle, under_way(runs, own))
+            there = [k for k, one in enumerate(runs) if one.moving.any()]
+            able, full = [runs[k] for k in there], [own[k] for k in there]
+            note = "other runs' velocities"
+            rows += rmse_rows(SURGE, vehicle, methods_of(able, full, 0, note))
+            rows += rmse_rows(SWAY, vehicle, methods_of(able, full, 1, note))
+            both = [f | bound for f, bound in zip(full, hindsight(able), strict=True)]
+            some = [one for one in methods_of(able, both, 0, note) if one.name in (*KEPT, *FLOORS)]
+            rows += rmse_rows(BOUND, vehicle, some) + ratio_rows(vehicle, able, full)
             rows += path_rows(vehicle, runs, own)
+            slowest = 0.5 * float(np.percentile(known(runs, lambda run: run.surge), 90.0))
+            quick = [fast(job, slowest) for job, _ in mine if job.own]
+            tests, again = [job.tests[0] for job in quick], [run(job)[0] for job in quick]
+            faster = methods_of(tests, again, 0, f"above {slowest:.2f} m/s")
+            rows += rmse_rows(UNDER_WAY, vehicle, faster)
+            rows += ratio_rows(f"{vehicle}, under way", tests, again)
         if other:
             learned = methods_of(runs, other, 0, "other vehicles' velocities")
             rows += rmse_rows(LEFT_OUT, vehicle, learned)
+            rows += ratio_rows(f"{vehicle}, by other vehicles", runs, other)
         parts = [halves(*pair) for pair in zip(runs, own or other, strict=bool(own or other))]
         later = [part for part in parts if part is not None]
         if later:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import pickle
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.real_logs.propelled_combination import Parts, splits
 from benchmarks.real_logs.propelled_runs import PERIOD, Run, runs_of, scaled
 from benchmarks.real_logs.propelled_speeds import depth_terms
 from benchmarks.real_logs.samples import Samples
@@ -29,9 +31,9 @@ from twin.records.store import open_store
 ELMAN = NetworkConfig(kind="elman", hidden=40, layers=3, delays=5)
 """The paper's network: three layers of 40 units, five past outputs of each layer"""
 SCG = TrainingConfig(
-    optimiser="scg", seconds=0.0, epochs=40, full_window=128, washin=16, validations=10
+    optimiser="scg", seconds=0.0, epochs=80, full_window=128, washin=16, validations=20
 )
-TUNED = dataclasses.replace(SCG, epochs=15)
+TUNED = dataclasses.replace(SCG, epochs=30)
 """Training on real runs after simulation"""
 BASE = ("pitch", "roll", "p", "q", "r")
 INPUTS = (BASE, (*BASE, "depth_rate"), (*BASE, "depth_rate", "propeller"))
@@ -40,7 +42,13 @@ VEHICLES, HOURS = ("remus", "tethys"), 4.0
 """Simulated vehicles, and hours of missions of both together"""
 MISSIONS = {"mission.duration_h": "0.5", "mission.segment_duration_s": "uniform(200, 600)"}
 """Missions about as short as the logs; the first minutes are at the surface"""
-NETWORKS = ("network, real only", "network, simulation only", "network, simulation then real")
+TRAININGS = {
+    "network, real only": SCG,
+    "network, simulation only": None,
+    "network, simulation then real": TUNED,
+}
+"""Training on real runs of each kind of network; None: without"""
+NETWORKS = tuple(TRAININGS)
 TARGETS = ("surge", "sway")
 Pretrained = Mapping[tuple[str, ...], Mapping[str, Predictor]]
 """Networks trained on simulation, by inputs and target"""
@@ -93,28 +101,34 @@ def samples(run: Run, names: Sequence[str], target: str) -> Samples:
 
 
 def network_velocities(
-    train: Sequence[Run],
-    held: Sequence[Run],
-    tests: Sequence[Run],
-    pretrained: Pretrained,
-    seed: int,
+    parts: Parts, tests: Sequence[Run], pretrained: Pretrained, seed: int
 ) -> list[dict[str, Array]]:
-    """Surge and sway [m/s], (2, time), of held-out runs and of the tests, by each network."""
-    every = [*train, *held, *tests]
+    """Surge and sway [m/s], (2, time), of held-out runs and of the tests, by each network.
+
+    A network that answers for held-out runs is stopped early by some of the used ones. Those that
+    answer for the tests are stopped by held-out runs; their mean counts.
+    """
+    every = [*tests, *(run for used, held in parts for run in (*used, *held))]
     have = set.intersection(*(set(run.signals) for run in every))
     have |= {"depth_rate"} if "depth" in have else set()
     names = next(some for some in reversed(INPUTS) if have.issuperset(some))
-    found: dict[str, list[list[Array]]] = {name: [] for name in NETWORKS}
-    for target in TARGETS:
-        real, kept, asked = (
-            [samples(run, names, target) for run in runs] for runs in (train, held, tests)
+
+    def answer(name: str, target: str, part: Parts, asked: Sequence[Run]) -> list[Array]:
+        train, stop, wanted = (
+            [samples(run, names, target) for run in runs] for runs in (*part[0], asked)
         )
-        first = pretrained[names][target]
-        fit = functools.partial(fit_network, real, kept, names, seed=seed, network=ELMAN)
-        networks = fit(config=SCG), first, fit(config=TUNED, start=first)
-        for name, network in zip(NETWORKS, networks, strict=True):
-            found[name].append(predict(network, [*kept, *asked]))
+        first, config = pretrained[names][target], TRAININGS[name]
+        start = None if name == NETWORKS[0] else first
+        fit = functools.partial(fit_network, train, stop, names, seed=seed, network=ELMAN)
+        return predict(first if config is None else fit(config, start=start), wanted)
+
+    found: dict[str, list[list[Array]]] = {name: [] for name in NETWORKS}
+    for name, target in itertools.product(NETWORKS, TARGETS):
+        early = [answer(name, target, splits(used), held) for used, held in parts]
+        late = [answer(name, target, [part], tests) for part in parts]
+        means = [np.mean(some, axis=0) for some in zip(*late, strict=True)]
+        found[name].append([*itertools.chain(*early), *means])
     return [
-        {name: np.stack([surges[k], sways[k]]) for name, (surges, sways) in found.items()}
-        for k in range(len(held) + len(tests))
+        {name: np.stack(pair) for name, pair in zip(found, some, strict=True)}
+        for some in zip(*(zip(*pair, strict=True) for pair in found.values()), strict=True)
     ]

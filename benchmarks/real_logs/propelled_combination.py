@@ -1,0 +1,126 @@
+"""Propelled combination: methods shrunk towards the constant speed, weighed together, or filtered.
+
+Shrinkage, weights and the filter come from held-out training runs, never from a scored run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import nnls
+
+from benchmarks.real_logs.propelled_filter import VelocityFilter
+from benchmarks.real_logs.propelled_runs import Run
+from benchmarks.real_logs.propelled_speeds import CONSTANT
+from twin.navigation.dead_reckoning import Array
+
+PIECE = 120.0
+"""[s] Pieces that the bootstrap draws where a vehicle has less than four runs"""
+FEW = 4
+"""Fewest runs for a bootstrap over runs; fewest moving samples for a default"""
+EQUAL = 0.02
+"""[1] Pull of the combination's weights towards equal ones, as a fraction of the variance"""
+PLAIN = "constant speed, never standing"
+COMBINED, FILTERED, SHRUNK = "combination", "filter", ", shrunk"
+Found = dict[str, Array]
+"""Surge and sway [m/s] of a run, (2, time), by method"""
+Parts = list[tuple[list[Run], list[Run]]]
+"""Training runs, divided into used and held-out ones"""
+
+
+def splits(train: Sequence[Run]) -> Parts:
+    """Divide training runs: each vehicle is held out in turn, every fourth run of a vehicle, each
+    of few, or each half of a single one."""
+    vehicles = dict.fromkeys(run.vehicle for run in train)
+    if len(train) == 1:
+        half = train[0].surge.size // 2
+        train = [train[0].part(slice(0, half)), train[0].part(slice(half, None))]
+    if len(vehicles) > 1:
+        held = [[run for run in train if run.vehicle == name] for name in vehicles]
+    else:
+        held = [[run] for run in train] if len(train) < FEW else [list(train[3::4])]
+    return [([run for run in train if run not in some], some) for some in held]
+
+
+def pieces(runs: Sequence[Run]) -> list[tuple[int, slice]]:
+    """Blocks of the bootstrap: runs, or their pieces if they are few; run and samples."""
+    found = []
+    for k, one in enumerate(runs):
+        step = one.surge.size if len(runs) >= FEW else round(PIECE / one.period)
+        found += [(k, slice(n, n + step)) for n in range(0, one.surge.size, step)]
+    return found
+
+
+def gain(held: Sequence[Run], off: Sequence[Array], wanted: Sequence[Array]) -> float:
+    """Part of a method's difference from the constant speed to keep, 0 to 1.
+
+    The factor is of least squared error on held-out runs, times 1 - (s / m)^2, where m is the sum
+    of the products and s its standard deviation between blocks (James and Stein 1961).
+
+    Args:
+      off: the method less the constant. wanted: the truth less the constant, NaN without; [m/s].
+    """
+    blocks = []
+    for k, span in pieces(held):
+        good = held[k].moving[span] & np.isfinite(wanted[k][span])
+        x, y = off[k][span][good], wanted[k][span][good]
+        blocks += [(x @ y, x @ x)] if x.size else []
+    products, squares = np.reshape(blocks, (-1, 2)).T
+    total, count = float(products.sum()), products.size
+    if count < 2 or total <= 0.0 or squares.sum() <= 0.0:
+        return 0.0
+    sure = 1.0 - count * float(np.var(products, ddof=1)) / total**2
+    return min(1.0, max(0.0, sure) * total / float(squares.sum()))
+
+
+def weigh(held: Sequence[Run], found: Sequence[Array], wanted: Sequence[Array]) -> Array:
+    """Weights of the methods, at least 0 and 1 together, of least error on held-out runs.
+
+    Args:
+      found: of each run, (methods, time). wanted: the truth, NaN without; [m/s].
+    """
+    rows = [run.moving & np.isfinite(v) for run, v in zip(held, wanted, strict=True)]
+    truth = np.concatenate([v[good] for v, good in zip(wanted, rows, strict=True)])
+    each = np.concatenate([f[:, good].T for f, good in zip(found, rows, strict=False)])
+    size = each.shape[1]
+    pull = np.sqrt(EQUAL * truth.size) * (truth.std() if truth.size else 1.0)
+    matrix = np.concatenate([each, pull * np.eye(size), 1e3 * np.ones((1, size))])
+    weights, _ = nnls(matrix, np.concatenate([truth, np.full(size, pull / size), [1e3]]))
+    return np.asarray(weights / weights.sum())
+
+
+def combine(held: Sequence[Run], early: Sequence[Found], answers: Sequence[Found]) -> list[Found]:
+    """Each method shrunk, the combination of these, and the filter of all, for each answer.
+
+    A held-out run without the channels of a method has the constant speed instead. The filter
+    learns from runs with all channels, if there are any.
+
+    Args:
+      early: velocities of the held-out runs; answers: those of the left-out runs.
+    """
+    others = [n for n in answers[0] if n not in (PLAIN, CONSTANT) and all(n in a for a in answers)]
+    every, count = [*early, *answers], len(held)
+    found = [np.stack([one.get(n, one[CONSTANT]) for n in (CONSTANT, *others)]) for one in every]
+    whole = [k for k, one in enumerate(early) if set(others) <= set(one)] or range(count)
+    both = []
+    for axis in (0, 1):
+        wanted = [(run.surge, run.sway)[axis] for run in held]
+        rest = [one[0, axis] for one in found]
+        off = [one[:, axis] - base for one, base in zip(found, rest, strict=True)]
+        known = [truth - base for truth, base in zip(wanted, rest, strict=False)]
+        gains = np.array([gain(held, [one[k] for one in off], known) for k in range(len(off[0]))])
+        shrunk = [base + gains[:, None] * one for base, one in zip(rest, off, strict=True)]
+        weights = weigh(held, shrunk, wanted)
+        means = [float(one[PLAIN][axis].mean()) for one in every]
+        fitted = VelocityFilter.fit(
+            *zip(*((wanted[k], found[k][1:, axis], means[k]) for k in whole), strict=True)
+        )
+        both.append([
+            np.vstack([shrunk[k], weights @ shrunk[k], fitted.velocity(one[1:, axis], means[k])])
+            for k, one in enumerate(found[count:], count)
+        ])  # fmt: skip
+    labels = [CONSTANT, *(name + SHRUNK for name in others), COMBINED, FILTERED]
+    return [
+        dict(zip(labels, np.stack(pair, axis=1), strict=True)) for pair in zip(*both, strict=True)
+    ]

@@ -1,0 +1,89 @@
+"""Propelled filter: a Kalman filter of a velocity with each method as a measurement.
+
+The velocity u returns to its mean c by thrust, drag and inertia; each method's error e has a memory
+of its own. In samples of one period,
+
+    u' = c + a (u - c) + w,   e_i' = b_i e_i + w_i,   m_i = u + e_i.
+
+Factors and covariances of the noise are those of held-out training runs (Kalman 1960).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from twin.navigation.dead_reckoning import Array
+
+LONGEST = 0.995
+"""[1] Largest factor of a sample: errors of three minutes are the longest"""
+ALONE = 0.1
+"""[1] Part of each covariance matrix that is diagonal: few runs correlate by chance"""
+READING = 0.01
+"""[m/s] Error of a measurement without memory"""
+
+
+class VelocityFilter(NamedTuple):
+    """Filter of the velocity and of the methods' errors, the state, (1 + methods,)."""
+
+    keep: Array
+    """[1] Factors a and b_i"""
+    start: Array
+    """[m2/s2] Covariance of the state before the first measurement"""
+    noise: Array
+    """[m2/s2] Covariance of w and w_i"""
+
+    @classmethod
+    def fit(
+        cls, truth: Sequence[Array], found: Sequence[Array], means: Sequence[float]
+    ) -> VelocityFilter:
+        """Fit to runs with a measured velocity.
+
+        Args:
+          truth: [m/s] of each run, (time,), NaN without. found: [m/s] by each method, (methods,
+            time). means: [m/s] c of each run.
+        """
+        states, before, after = [], [], []
+        for wanted, each, mean in zip(truth, found, means, strict=True):
+            state = np.vstack([wanted - mean, each - wanted])
+            good = np.isfinite(wanted)
+            both = good[1:] & good[:-1]
+            states.append(state[:, good])
+            before.append(state[:, :-1][:, both])
+            after.append(state[:, 1:][:, both])
+        old, new = np.concatenate(before, axis=1), np.concatenate(after, axis=1)
+        keep = (old * new).sum(axis=1) / np.maximum((old * old).sum(axis=1), 1e-12)
+        keep = np.clip(keep, 0.0, LONGEST)
+        start = _covariance(np.concatenate(states, axis=1))
+        return cls(keep, start, _covariance(new - keep[:, None] * old))
+
+    def velocity(self, found: Array, mean: float) -> Array:
+        """Velocity [m/s] of a run, (time,), each sample by those up to it.
+
+        Args:
+          found: [m/s] by each method, (methods, time). mean: [m/s] c.
+        """
+        count = len(found)
+        sees = np.hstack([np.ones((count, 1)), np.eye(count)])
+        state, spread = np.zeros(1 + count), self.start
+        velocity = np.empty(found.shape[1])
+        for k, measured in enumerate(found.T - mean):
+            if k:
+                state = self.keep * state
+                spread = self.keep[:, None] * spread * self.keep + self.noise
+            seen = sees @ spread
+            gain = np.linalg.solve(seen @ sees.T + READING**2 * np.eye(count), seen).T
+            state = state + gain @ (measured - sees @ state)
+            spread = spread - gain @ seen
+            velocity[k] = mean + state[0]
+        return velocity
+
+
+def _covariance(states: Array) -> Array:
+    """Covariance about zero, (1 + methods, 1 + methods); errors know nothing of the velocity."""
+    found = states @ states.T / max(states.shape[1], 1)
+    found = (1.0 - ALONE) * found + ALONE * np.diag(np.diag(found))
+    found[0, 1:] = found[1:, 0] = 0.0
+    return np.asarray(found)
