@@ -80,17 +80,20 @@ class Fold:
         return self.train[0].vehicle == self.tests[0].vehicle
 
     def network_velocities(self, parts: Parts) -> list[Found]:
-        """Velocities of held-out runs and of the tests; an earlier call's where it kept them."""
-        count, first = sum(len(held) for _, held in parts) + len(self.tests), self.tests[0]
+        """Velocities of held-out runs, none by networks of other vehicles, and of the tests; an
+        earlier call's where it kept them."""
+        count, first = sum(len(held) for _, held in parts), self.tests[0]
         if self.pretrained is None or self.place is None:
-            return [{} for _ in range(count)]
+            return [{} for _ in range(count + len(self.tests))]
         by = "-".join(dict.fromkeys(run.vehicle for run in self.train))
         path = self.place / f"{first.vehicle}-{first.name}-by-{by}-{self.seed}.npz"
         if not path.exists():
-            found = network_velocities(parts, self.tests, self.pretrained, self.seed)
+            found = network_velocities(parts, self.tests, self.pretrained, self.seed, own=self.own)
             np.savez(path, **{f"{n} {k}": v for k, one in enumerate(found) for n, v in one.items()})
+        size = len(self.tests) + count * self.own
         with np.load(path) as kept:
-            return [{n: kept[f"{n} {k}"] for n in NETWORKS} for k in range(count)]
+            known = [{n: kept[f"{n} {k}"] for n in NETWORKS} for k in range(size)]
+        return [*({} for _ in range(count * (not self.own))), *known]
 
 
 Vehicles = Mapping[str, Sequence[Run]]
@@ -260,7 +263,8 @@ def standing_rows(vehicle: str, runs: Sequence[Run]) -> list[Row]:
 
 
 def halves(one: Run, found: Found) -> tuple[Run, Found] | None:
-    """Second half of a run; the default method is the one of least error in the first half."""
+    """Second half of a run; the default is the method of `KEPT`, or the mean, of least error in the
+    first half."""
     half = one.surge.size // 2
     rows = one.moving[:half]
     if rows.sum() < FEW or one.moving[half:].sum() < FEW:
@@ -268,9 +272,9 @@ def halves(one: Run, found: Found) -> tuple[Run, Found] | None:
     surge, sway = found[CONSTANT]
     mean = float(one.surge[:half][rows].mean())
     every = found | {FIRST: np.stack([np.where(surge > 0.0, mean, 0.0), sway])}
-    errors = {n: rmse((v[0] - one.surge)[:half][rows]) for n, v in every.items()}
-    kept = {name: every[name] for name in (CONSTANT, FIRST, COMBINED, FILTERED)}
-    kept[DEFAULT] = every[min(errors, key=lambda name: errors[name])]
+    kept = {name: every[name] for name in (*KEPT, FIRST)}
+    errors = {n: rmse((v[0] - one.surge)[:half][rows]) for n, v in kept.items()}
+    kept[DEFAULT] = kept[min(errors, key=lambda name: errors[name])]
     return one.part(slice(half, None)), {name: v[:, half:] for name, v in kept.items()}
 
 

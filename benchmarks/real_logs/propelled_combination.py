@@ -55,8 +55,8 @@ def pieces(runs: Sequence[Run]) -> list[tuple[int, slice]]:
 def gain(held: Sequence[Run], off: Sequence[Array], wanted: Sequence[Array]) -> float:
     """Part of a method's difference from the constant speed to keep, 0 to 1.
 
-    The factor is of least squared error on held-out runs, times 1 - (s / m)^2, where m is the sum
-    of the products and s its standard deviation between blocks (James and Stein 1961).
+    The factor is of least squared error on held-out runs, times 1 - (s / f)^2, where s is its
+    standard error by the scatter between blocks and f the factor itself (James and Stein 1961).
 
     Args:
       off: the method less the constant. wanted: the truth less the constant, NaN without; [m/s].
@@ -67,11 +67,11 @@ def gain(held: Sequence[Run], off: Sequence[Array], wanted: Sequence[Array]) -> 
         x, y = off[k][span][good], wanted[k][span][good]
         blocks += [(x @ y, x @ x)] if x.size else []
     products, squares = np.reshape(blocks, (-1, 2)).T
-    total, count = float(products.sum()), products.size
-    if count < 2 or total <= 0.0 or squares.sum() <= 0.0:
+    total, size, count = float(products.sum()), float(squares.sum()), products.size
+    if count < 2 or total <= 0.0 or size <= 0.0:
         return 0.0
-    sure = 1.0 - count * float(np.var(products, ddof=1)) / total**2
-    return min(1.0, max(0.0, sure) * total / float(squares.sum()))
+    scatter = float(np.sum((products - total / size * squares) ** 2)) * count / (count - 1)
+    return min(1.0, max(0.0, 1.0 - scatter / total**2) * total / size)
 
 
 def weigh(held: Sequence[Run], found: Sequence[Array], wanted: Sequence[Array]) -> Array:
@@ -93,13 +93,14 @@ def weigh(held: Sequence[Run], found: Sequence[Array], wanted: Sequence[Array]) 
 def combine(held: Sequence[Run], early: Sequence[Found], answers: Sequence[Found]) -> list[Found]:
     """Each method shrunk, the combination of these, and the filter of all, for each answer.
 
-    A held-out run without the channels of a method has the constant speed instead. The filter
-    learns from runs with all channels, if there are any.
+    Methods without any held-out answer take no part. A held-out run without the channels of a
+    method has the constant speed instead. The filter learns from runs with all channels, if any.
 
     Args:
       early: velocities of the held-out runs; answers: those of the left-out runs.
     """
-    others = [n for n in answers[0] if n not in (PLAIN, CONSTANT) and all(n in a for a in answers)]
+    names = [name for name in answers[0] if all(name in one for one in answers)]
+    others = [n for n in names if n not in (PLAIN, CONSTANT) and any(n in one for one in early)]
     every, count = [*early, *answers], len(held)
     found = [np.stack([one.get(n, one[CONSTANT]) for n in (CONSTANT, *others)]) for one in every]
     whole = [k for k, one in enumerate(early) if set(others) <= set(one)] or range(count)
@@ -112,12 +113,11 @@ def combine(held: Sequence[Run], early: Sequence[Found], answers: Sequence[Found
         gains = np.array([gain(held, [one[k] for one in off], known) for k in range(len(off[0]))])
         shrunk = [base + gains[:, None] * one for base, one in zip(rest, off, strict=True)]
         weights = weigh(held, shrunk, wanted)
-        means = [float(one[PLAIN][axis].mean()) for one in every]
         fitted = VelocityFilter.fit(
-            *zip(*((wanted[k], found[k][1:, axis], means[k]) for k in whole), strict=True)
+            *zip(*((wanted[k], found[k][1:, axis], rest[k]) for k in whole), strict=True)
         )
         both.append([
-            np.vstack([shrunk[k], weights @ shrunk[k], fitted.velocity(one[1:, axis], means[k])])
+            np.vstack([shrunk[k], weights @ shrunk[k], fitted.velocity(one[1:, axis], rest[k])])
             for k, one in enumerate(found[count:], count)
         ])  # fmt: skip
     labels = [CONSTANT, *(name + SHRUNK for name in others), COMBINED, FILTERED]

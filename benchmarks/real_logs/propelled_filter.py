@@ -1,9 +1,9 @@
 """Propelled filter: a Kalman filter of a velocity with each method as a measurement.
 
-The velocity u returns to its mean c by thrust, drag and inertia; each method's error e has a memory
-of its own. In samples of one period,
+The velocity u returns to the constant one c, 0 where the vehicle stands, by thrust, drag and
+inertia. Each method's error e has a memory of its own. With d = u - c, from sample to sample:
 
-    u' = c + a (u - c) + w,   e_i' = b_i e_i + w_i,   m_i = u + e_i.
+    d' = a d + w,   e_i' = b_i e_i + w_i,   m_i = c + d + e_i.
 
 Factors and covariances of the noise are those of held-out training runs (Kalman 1960).
 """
@@ -29,7 +29,7 @@ class VelocityFilter(NamedTuple):
     """Filter of the velocity and of the methods' errors, the state, (1 + methods,)."""
 
     keep: Array
-    """[1] Factors a and b_i"""
+    """[1] Factors a and b_i of d and of the errors"""
     start: Array
     """[m2/s2] Covariance of the state before the first measurement"""
     noise: Array
@@ -37,17 +37,17 @@ class VelocityFilter(NamedTuple):
 
     @classmethod
     def fit(
-        cls, truth: Sequence[Array], found: Sequence[Array], means: Sequence[float]
+        cls, truth: Sequence[Array], found: Sequence[Array], usual: Sequence[Array]
     ) -> VelocityFilter:
         """Fit to runs with a measured velocity.
 
         Args:
           truth: [m/s] of each run, (time,), NaN without. found: [m/s] by each method, (methods,
-            time). means: [m/s] c of each run.
+            time). usual: [m/s] c of each run, (time,).
         """
         states, before, after = [], [], []
-        for wanted, each, mean in zip(truth, found, means, strict=True):
-            state = np.vstack([wanted - mean, each - wanted])
+        for wanted, each, base in zip(truth, found, usual, strict=True):
+            state = np.vstack([wanted - base, each - wanted])
             good = np.isfinite(wanted)
             both = good[1:] & good[:-1]
             states.append(state[:, good])
@@ -59,17 +59,17 @@ class VelocityFilter(NamedTuple):
         start = _covariance(np.concatenate(states, axis=1))
         return cls(keep, start, _covariance(new - keep[:, None] * old))
 
-    def velocity(self, found: Array, mean: float) -> Array:
+    def velocity(self, found: Array, usual: Array) -> Array:
         """Velocity [m/s] of a run, (time,), each sample by those up to it.
 
         Args:
-          found: [m/s] by each method, (methods, time). mean: [m/s] c.
+          found: [m/s] by each method, (methods, time). usual: [m/s] c, (time,).
         """
         count = len(found)
         sees = np.hstack([np.ones((count, 1)), np.eye(count)])
         state, spread = np.zeros(1 + count), self.start
-        velocity = np.empty(found.shape[1])
-        for k, measured in enumerate(found.T - mean):
+        velocity = usual.copy()
+        for k, measured in enumerate((found - usual).T):
             if k:
                 state = self.keep * state
                 spread = self.keep[:, None] * spread * self.keep + self.noise
@@ -77,7 +77,7 @@ class VelocityFilter(NamedTuple):
             gain = np.linalg.solve(seen @ sees.T + READING**2 * np.eye(count), seen).T
             state = state + gain @ (measured - sees @ state)
             spread = spread - gain @ seen
-            velocity[k] = mean + state[0]
+            velocity[k] += state[0]
         return velocity
 
 

@@ -101,17 +101,22 @@ def samples(run: Run, names: Sequence[str], target: str) -> Samples:
 
 
 def network_velocities(
-    parts: Parts, tests: Sequence[Run], pretrained: Pretrained, seed: int
+    parts: Parts, tests: Sequence[Run], pretrained: Pretrained, seed: int, *, own: bool
 ) -> list[dict[str, Array]]:
     """Surge and sway [m/s], (2, time), of held-out runs and of the tests, by each network.
 
     A network that answers for held-out runs is stopped early by some of the used ones. Those that
-    answer for the tests are stopped by held-out runs; their mean counts.
+    answer for the tests are stopped by held-out runs; their mean counts. With runs of other
+    vehicles (not `own`) one network answers for the tests alone, stopped by the vehicle most alike.
     """
     every = [*tests, *(run for used, held in parts for run in (*used, *held))]
     have = set.intersection(*(set(run.signals) for run in every))
     have |= {"depth_rate"} if "depth" in have else set()
     names = next(some for some in reversed(INPUTS) if have.issuperset(some))
+
+    if not own:
+        alike = [len(set(held[0].signals) & set(tests[0].signals)) for _, held in parts]
+        parts = [parts[alike.index(max(alike))]]
 
     def answer(name: str, target: str, part: Parts, asked: Sequence[Run]) -> list[Array]:
         train, stop, wanted = (
@@ -124,7 +129,7 @@ def network_velocities(
 
     found: dict[str, list[list[Array]]] = {name: [] for name in NETWORKS}
     for name, target in itertools.product(NETWORKS, TARGETS):
-        early = [answer(name, target, splits(used), held) for used, held in parts]
+        early = [answer(name, target, splits(used), held) for used, held in parts if own]
         late = [answer(name, target, [part], tests) for part in parts]
         means = [np.mean(some, axis=0) for some in zip(*late, strict=True)]
         found[name].append([*itertools.chain(*early), *means])

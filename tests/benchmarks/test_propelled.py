@@ -10,6 +10,8 @@ from logs import SHARED, sailfish_columns
 from benchmarks import command
 from benchmarks.real_logs import propelled, propelled_networks
 from benchmarks.real_logs.__main__ import main
+from benchmarks.real_logs.propelled_combination import SHRUNK, gain
+from benchmarks.real_logs.propelled_filter import VelocityFilter
 from benchmarks.real_logs.propelled_runs import Run, gather, gridded
 from benchmarks.real_logs.propelled_speeds import METHODS
 from benchmarks.real_logs.row import Row, keep, markdown
@@ -56,6 +58,11 @@ def test_every_method_is_scored_and_the_balance_of_thrust_knows_an_unseen_run():
     assert set(METHODS) < set(surge)
     assert surge["balance of thrust"].value < 0.3 * surge["constant speed"].value
     assert surge["combination"].value < 0.5 * surge["constant speed"].value
+    assert surge["filter"].value < 0.5 * surge["constant speed"].value
+    bounds = {r.method: r.value for r in rows if r.task == propelled.BOUND and r.data == "made-up"}
+    assert bounds[propelled.FLOORS[1]] < surge["linear in rpm"].value  # one of its lines
+    assert propelled.FLOORS[1] in markdown(rows, propelled.BOUND)
+    assert propelled.FLOORS[1] not in markdown(rows, propelled.SURGE)
     assert surge["balance of thrust"].low < surge["balance of thrust"].value
     standing = {r.method: r.value for r in rows if r.task == propelled.STANDING}
     assert standing["standing, found"] > 60.0
@@ -64,6 +71,7 @@ def test_every_method_is_scored_and_the_balance_of_thrust_knows_an_unseen_run():
     assert path["constant speed"] < path[propelled.PLAIN]
     ratio = {r.method: r for r in rows if r.task == propelled.RATIO and r.data == "made-up"}
     assert ratio["combination"].high < 1.0
+    assert all(one.value < 1.02 for one in ratio.values())  # methods that do harm are shrunk
     assert "| other |" in markdown(rows, propelled.LEFT_OUT).replace("made-up | ", "| ")
 
 
@@ -81,7 +89,7 @@ def test_the_default_of_a_log_is_the_best_of_its_first_half():
     run = made(0)
     wrong = np.full((2, TIME.size), 0.4)
     found = {"constant speed": wrong, "combination": 2.0 * wrong}
-    found["balance of thrust"] = np.stack([run.surge, run.sway])
+    found["filter"] = np.stack([run.surge, run.sway])
     second, kept = propelled.halves(run, found)
     assert second.surge.size == TIME.size // 2
     np.testing.assert_array_equal(kept[propelled.DEFAULT][0], second.surge)
@@ -92,18 +100,58 @@ def test_the_default_of_a_log_is_the_best_of_its_first_half():
 def test_networks_are_kept_for_the_next_call(tmp_path, monkeypatch):
     asked = []
 
-    def predicted(used, held, tests, pretrained, seed):
-        asked.append(tests[0].name)
-        runs = [*held, *tests]
+    def predicted(parts, tests, pretrained, seed, own):
+        asked.append((tests[0].name, own))
+        runs = [*(run for _, held in parts for run in held if own), *tests]
         return [{n: np.stack([r.surge, r.sway]) for n in propelled.NETWORKS} for r in runs]
 
     monkeypatch.setattr(propelled, "network_velocities", predicted)
-    (job, *_) = propelled.folds({"made-up": [made(0), made(1)]}, {}, 0, tmp_path)
+    runs = {"made-up": [made(0), made(1)], "other": [made(2, "other")]}
+    (job, _, others, _) = propelled.folds(runs, {}, 0, tmp_path)
     (first,), (second,) = propelled.run(job), propelled.run(job)
-    assert asked == ["0"]
+    assert asked == [("0", True)]
     assert set(propelled.NETWORKS) < set(first)
     for name, velocity in first.items():
         np.testing.assert_array_equal(velocity, second[name])
+    (one, _) = propelled.run(others)  # networks of other vehicles are scored, and never weighed
+    assert one.keys() >= set(propelled.NETWORKS)
+    assert not {name + SHRUNK for name in propelled.NETWORKS} & set(one)
+
+
+def test_a_method_is_kept_by_what_it_gains_in_every_held_out_run():
+    runs = [made(k) for k in range(5)]
+    wanted = [run.surge - 0.9 for run in runs]
+    assert gain(runs, wanted, wanted) == pytest.approx(1.0)
+    assert gain(runs, [2.0 * off for off in wanted], wanted) == pytest.approx(0.5)
+    assert gain(runs, [-off for off in wanted], wanted) == 0.0
+    signs = (1.0, -1.0, 1.0, -1.0, 0.1)
+    by_chance = [sign * off for sign, off in zip(signs, wanted, strict=True)]
+    assert gain(runs, by_chance, wanted) < 0.1
+
+
+def test_the_filter_knows_more_than_each_of_its_measurements_and_nothing_of_later_ones():
+    rng = np.random.default_rng(3)
+
+    def walk(keep, size):
+        values = np.zeros(2000)
+        for k in range(1, values.size):
+            values[k] = keep * values[k - 1] + np.sqrt(1.0 - keep**2) * size * rng.normal()
+        return values
+
+    def logged():
+        usual, truth = np.full(2000, 1.0), 1.0 + walk(0.95, 0.4)
+        return usual, truth, np.stack([truth + walk(0.99, 0.4), truth + walk(0.3, 0.3)])
+
+    usual, truth, found = logged()
+    lost = np.where(np.arange(2000) % 100 < 10, np.nan, truth)
+    fitted = VelocityFilter.fit([lost], [found], [usual])
+    np.testing.assert_allclose(fitted.keep, [0.95, 0.99, 0.3], atol=0.06)
+    usual, truth, found = logged()
+    velocity = fitted.velocity(found, usual)
+    single = np.sqrt(((found - truth) ** 2).mean(axis=1))
+    assert np.sqrt(((velocity - truth) ** 2).mean()) < 0.8 * single.min()
+    later = np.where(np.arange(2000) < 1000, found, 9.0)
+    np.testing.assert_array_equal(fitted.velocity(later, usual)[:1000], velocity[:1000])
 
 
 def iver2(folder, runs=3):
@@ -165,7 +213,9 @@ def test_public_runs_are_known_better_than_by_a_constant_speed():
     jobs = [job for job in propelled.folds(some, None, 0, None) if job.own]
     rows = propelled.rows_of(some, jobs, [propelled.run(job) for job in jobs])
     surge = {(r.data, r.method): r for r in rows if r.task == propelled.SURGE}
-    assert surge["Iver2", "combination"].value < 0.16
+    for vehicle, most in (("Iver2", 0.17), ("Sailfish", 0.6)):
+        assert surge[vehicle, "filter"].value < most
+        assert surge[vehicle, "combination"].value < surge[vehicle, "constant speed"].value
     assert surge["Iver2", "constant speed"].value > 0.4
     assert surge["Sailfish", "noise of the rates"].value < 0.6
     assert surge["Sailfish", "constant speed"].value > 0.7
@@ -177,17 +227,17 @@ def test_public_runs_are_known_better_than_by_a_constant_speed():
 def test_each_network_predicts_held_out_and_left_out_runs(monkeypatch):
     small = NetworkConfig(kind="elman", hidden=4, layers=1, delays=2)
     monkeypatch.setattr(propelled_networks, "ELMAN", small)
-    for name, epochs in (("SCG", 10), ("TUNED", 10)):
-        brief = dataclasses.replace(propelled_networks.SCG, epochs=epochs, validations=2)
-        monkeypatch.setattr(propelled_networks, name, brief)
+    brief = dataclasses.replace(propelled_networks.SCG, epochs=10, validations=2)
+    monkeypatch.setattr(propelled_networks, "SCG", brief)
+    for name in (propelled.NETWORKS[0], propelled.NETWORKS[2]):
+        monkeypatch.setitem(propelled_networks.TRAININGS, name, brief)
     runs = [made(k) for k in range(5)]
     lost = dataclasses.replace(runs[0], surge=np.where(TIME < 60.0, np.nan, runs[0].surge))
     names = propelled_networks.INPUTS[-1]
     slow = [dataclasses.replace(run, surge=0.5 * run.surge) for run in runs]  # as simulation is off
     table = {t: propelled_networks.pretrain(slow, names, t, 0) for t in propelled_networks.TARGETS}
-    found = propelled_networks.network_velocities(
-        [lost, *runs[1:3]], [runs[3]], [runs[4]], {names: table}, 0
-    )
+    parts = [([lost, *runs[1:3]], [runs[3]])]
+    found = propelled_networks.network_velocities(parts, [runs[4]], {names: table}, 0, own=True)
     assert [set(one) for one in found] == [set(propelled.NETWORKS)] * 2
     for one in found:
         assert all(velocity.shape == (2, TIME.size) for velocity in one.values())
