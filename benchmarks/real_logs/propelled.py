@@ -139,12 +139,17 @@ def velocities(train: Sequence[Run], runs: Sequence[Run]) -> list[Found]:
 def run(fold: Fold) -> list[Found]:
     """Velocity of each left-out run by each method, by each shrunk, and by their combination."""
     parts = splits(fold.train)
-    early = [one for used, held in parts for one in velocities(used, held)]
-    found = [*early, *velocities(fold.train, fold.tests)]
-    networks = fold.network_velocities(parts)
-    found = [one | more for one, more in zip(found, networks, strict=True)]
-    early, answers = found[: len(early)], found[len(early) :]
-    more = combine([run for _, held in parts for run in held], early, answers)
+    networks = iter(fold.network_velocities(parts))
+    found = []
+    for used, runs in (*parts, (fold.train, fold.tests)):
+        quiet = learned_quiet(used)
+        for one, methods in zip(runs, velocities(used, runs), strict=True):
+            for name, (surge, sway) in next(networks).items():
+                methods[name] = np.stack([limit_surge(one, surge, quiet, name), sway])
+            found.append(methods)
+    held = [one for _, some in parts for one in some]
+    early, answers = found[: len(held)], found[len(held) :]
+    more = combine(held, early, answers)
     return [one | shrunk for one, shrunk in zip(answers, more, strict=True)]
 
 
@@ -247,13 +252,10 @@ def standing_rows(vehicle: str, runs: Sequence[Run]) -> list[Row]:
         hit = size = 0
         for k, one in enumerate(runs):
             quiet = learned_quiet([*runs[:k], *runs[k + 1 :]]) if len(runs) > 1 else 0.0
-            asked = (
-                one.moving if name.startswith("moving") else np.isfinite(one.surge) & ~one.moving
-            )
-            hit, size = (
-                hit + int((standing_samples(one, quiet) & asked).sum()),
-                size + int(asked.sum()),
-            )
+            still = np.isfinite(one.surge) & ~one.moving
+            asked = one.moving if name.startswith("moving") else still
+            hit += int((standing_samples(one, quiet) & asked).sum())
+            size += int(asked.sum())
         if size:
             rows.append(Row(
                 task=STANDING, data=vehicle, method=name, kind="floor", value=100.0 * hit / size,
@@ -271,20 +273,11 @@ def halves(one: Run, found: Found) -> tuple[Run, Found] | None:
         return None
     surge, sway = found[CONSTANT]
     mean = float(one.surge[:half][rows].mean())
-    every = found | {FIRST: np.stack([np.where(surge > 0.0, mean, 0.0), sway])}
-    kept = {name: every[name] for name in (*KEPT, FIRST)}
+    kept = {name: found[name] for name in KEPT}
+    kept[FIRST] = np.stack([np.where(surge > 0.0, mean, 0.0), sway])
     errors = {n: rmse((v[0] - one.surge)[:half][rows]) for n, v in kept.items()}
     kept[DEFAULT] = kept[min(errors, key=lambda name: errors[name])]
     return one.part(slice(half, None)), {name: v[:, half:] for name, v in kept.items()}
-
-
-def fast(fold: Fold, slowest: float) -> Fold:
-    """Make a fold whose samples move above `slowest` [m/s], and whose methods learn from these."""
-    train, tests = (
-        tuple(dataclasses.replace(run, slowest=slowest) for run in runs)
-        for runs in (fold.train, fold.tests)
-    )
-    return dataclasses.replace(fold, train=train, tests=tests)
 
 
 def rows_of(
@@ -306,11 +299,12 @@ def rows_of(
             rows += rmse_rows(BOUND, vehicle, some) + ratio_rows(vehicle, able, full)
             rows += path_rows(vehicle, runs, own)
             slowest = 0.5 * float(np.percentile(known(runs, lambda run: run.surge), 90.0))
-            quick = [fast(job, slowest) for job, _ in mine if job.own]
-            tests, again = [job.tests[0] for job in quick], [run(job)[0] for job in quick]
-            faster = methods_of(tests, again, 0, f"above {slowest:.2f} m/s")
+            quick = [dataclasses.replace(one, slowest=slowest) for one in runs]
+            same = folds({vehicle: quick}, jobs[0].pretrained, jobs[0].seed, jobs[0].place)
+            again = [run(job)[0] for job in same]
+            faster = methods_of(quick, again, 0, f"above {slowest:.2f} m/s")
             rows += rmse_rows(UNDER_WAY, vehicle, faster)
-            rows += ratio_rows(f"{vehicle}, under way", tests, again)
+            rows += ratio_rows(f"{vehicle}, under way", quick, again)
         if other:
             learned = methods_of(runs, other, 0, "other vehicles' velocities")
             rows += rmse_rows(LEFT_OUT, vehicle, learned)

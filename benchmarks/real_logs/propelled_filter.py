@@ -17,12 +17,9 @@ import numpy as np
 
 from twin.navigation.dead_reckoning import Array
 
-LONGEST = 0.995
-"""[1] Largest factor of a sample: errors of three minutes are the longest"""
-ALONE = 0.1
-"""[1] Part of each covariance matrix that is diagonal: few runs correlate by chance"""
-READING = 0.01
-"""[m/s] Error of a measurement without memory"""
+LONGEST, ALONE, READING = 0.995, 0.1, 0.01
+"""[1] Largest factor of a sample, three minutes of memory; [1] part of each covariance that is
+diagonal, since few runs correlate by chance; [m/s] error of a measurement without memory"""
 
 
 class VelocityFilter(NamedTuple):
@@ -47,16 +44,15 @@ class VelocityFilter(NamedTuple):
         """
         states, before, after = [], [], []
         for wanted, each, base in zip(truth, found, usual, strict=True):
-            state = np.vstack([wanted - base, each - wanted])
-            good = np.isfinite(wanted)
-            both = good[1:] & good[:-1]
-            states.append(state[:, good])
-            before.append(state[:, :-1][:, both])
-            after.append(state[:, 1:][:, both])
-        old, new = np.concatenate(before, axis=1), np.concatenate(after, axis=1)
+            states.append(np.vstack([wanted - base, each - wanted]))
+            before.append(states[-1][:, :-1])
+            after.append(states[-1][:, 1:])
+        old, new, every = (np.concatenate(some, axis=1) for some in (before, after, states))
+        both = np.isfinite(old[0] + new[0])
+        old, new = old[:, both], new[:, both]
         keep = (old * new).sum(axis=1) / np.maximum((old * old).sum(axis=1), 1e-12)
         keep = np.clip(keep, 0.0, LONGEST)
-        start = _covariance(np.concatenate(states, axis=1))
+        start = _covariance(every[:, np.isfinite(every[0])])
         return cls(keep, start, _covariance(new - keep[:, None] * old))
 
     def velocity(self, found: Array, usual: Array) -> Array:

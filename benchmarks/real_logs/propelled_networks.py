@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.real_logs.propelled_combination import Parts, splits
+from benchmarks.real_logs.propelled_combination import Parts
 from benchmarks.real_logs.propelled_runs import PERIOD, Run, runs_of, scaled
 from benchmarks.real_logs.propelled_speeds import depth_terms
 from benchmarks.real_logs.samples import Samples
@@ -31,9 +31,9 @@ from twin.records.store import open_store
 ELMAN = NetworkConfig(kind="elman", hidden=40, layers=3, delays=5)
 """The paper's network: three layers of 40 units, five past outputs of each layer"""
 SCG = TrainingConfig(
-    optimiser="scg", seconds=0.0, epochs=80, full_window=128, washin=16, validations=20
+    optimiser="scg", seconds=0.0, epochs=40, full_window=128, washin=16, validations=10
 )
-TUNED = dataclasses.replace(SCG, epochs=30)
+TUNED = dataclasses.replace(SCG, epochs=15)
 """Training on real runs after simulation"""
 BASE = ("pitch", "roll", "p", "q", "r")
 INPUTS = (BASE, (*BASE, "depth_rate"), (*BASE, "depth_rate", "propeller"))
@@ -105,9 +105,8 @@ def network_velocities(
 ) -> list[dict[str, Array]]:
     """Surge and sway [m/s], (2, time), of held-out runs and of the tests, by each network.
 
-    A network that answers for held-out runs is stopped early by some of the used ones. Those that
-    answer for the tests are stopped by held-out runs; their mean counts. With runs of other
-    vehicles (not `own`) one network answers for the tests alone, stopped by the vehicle most alike.
+    Held-out runs stop a training early; the tests have the mean over trainings. With runs of other
+    vehicles (not `own`) one training, which the vehicle most alike stops, answers the tests alone.
     """
     every = [*tests, *(run for used, held in parts for run in (*used, *held))]
     have = set.intersection(*(set(run.signals) for run in every))
@@ -118,21 +117,22 @@ def network_velocities(
         alike = [len(set(held[0].signals) & set(tests[0].signals)) for _, held in parts]
         parts = [parts[alike.index(max(alike))]]
 
-    def answer(name: str, target: str, part: Parts, asked: Sequence[Run]) -> list[Array]:
-        train, stop, wanted = (
-            [samples(run, names, target) for run in runs] for runs in (*part[0], asked)
+    def answers(name: str, target: str, part: tuple[list[Run], list[Run]]) -> list[Array]:
+        train, held, asked = (
+            [samples(run, names, target) for run in runs] for runs in (*part, tests)
         )
         first, config = pretrained[names][target], TRAININGS[name]
         start = None if name == NETWORKS[0] else first
-        fit = functools.partial(fit_network, train, stop, names, seed=seed, network=ELMAN)
-        return predict(first if config is None else fit(config, start=start), wanted)
+        fit = functools.partial(fit_network, train, held, names, seed=seed, network=ELMAN)
+        network = first if config is None else fit(config, start=start)
+        return predict(network, [*held, *asked] if own else asked)
 
     found: dict[str, list[list[Array]]] = {name: [] for name in NETWORKS}
     for name, target in itertools.product(NETWORKS, TARGETS):
-        early = [answer(name, target, splits(used), held) for used, held in parts if own]
-        late = [answer(name, target, [part], tests) for part in parts]
-        means = [np.mean(some, axis=0) for some in zip(*late, strict=True)]
-        found[name].append([*itertools.chain(*early), *means])
+        each = [answers(name, target, part) for part in parts]
+        early = [one for some in each for one in some[: -len(tests)]]
+        late = zip(*(some[-len(tests) :] for some in each), strict=True)
+        found[name].append([*early, *(np.mean(some, axis=0) for some in late)])
     return [
         {name: np.stack(pair) for name, pair in zip(found, some, strict=True)}
         for some in zip(*(zip(*pair, strict=True) for pair in found.values()), strict=True)

@@ -137,8 +137,8 @@ def standing_samples(run: Run, quiet: float) -> Mask:
 
 def limit_surge(run: Run, surge: Array, quiet: float, method: str) -> Array:
     """Surge below the largest one that the depth rate leaves, 0 where the vehicle stands."""
-    if method == THRUST:
-        return surge  # it coasts by itself
+    if method == THRUST or (method.startswith("network") and "propeller" in run.signals):
+        return surge  # they coast by themselves
     if "depth" in run.signals and "propeller" not in run.signals:
         largest = largest_surge(run.signals["depth"], run.signals["pitch"], run.period)
         surge = np.minimum(surge, largest)

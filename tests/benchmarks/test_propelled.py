@@ -1,6 +1,7 @@
 """Propelled vehicles: made-up runs by every method, runs that are left out, and public runs."""
 
 import dataclasses
+import itertools
 import json
 
 import numpy as np
@@ -121,37 +122,31 @@ def test_networks_are_kept_for_the_next_call(tmp_path, monkeypatch):
 def test_a_method_is_kept_by_what_it_gains_in_every_held_out_run():
     runs = [made(k) for k in range(5)]
     wanted = [run.surge - 0.9 for run in runs]
-    assert gain(runs, wanted, wanted) == pytest.approx(1.0)
-    assert gain(runs, [2.0 * off for off in wanted], wanted) == pytest.approx(0.5)
-    assert gain(runs, [-off for off in wanted], wanted) == 0.0
-    signs = (1.0, -1.0, 1.0, -1.0, 0.1)
-    by_chance = [sign * off for sign, off in zip(signs, wanted, strict=True)]
+    kept = {
+        scale: gain(runs, [scale * off for off in wanted], wanted) for scale in (1.0, 2.0, -1.0)
+    }
+    assert kept == {1.0: pytest.approx(1.0), 2.0: pytest.approx(0.5), -1.0: 0.0}
+    by_chance = [sign * off for sign, off in zip((1.0, -1.0, 1.0, -1.0, 0.1), wanted, strict=True)]
     assert gain(runs, by_chance, wanted) < 0.1
 
 
 def test_the_filter_knows_more_than_each_of_its_measurements_and_nothing_of_later_ones():
     rng = np.random.default_rng(3)
-
-    def walk(keep, size):
-        values = np.zeros(2000)
-        for k in range(1, values.size):
-            values[k] = keep * values[k - 1] + np.sqrt(1.0 - keep**2) * size * rng.normal()
-        return values
-
-    def logged():
-        usual, truth = np.full(2000, 1.0), 1.0 + walk(0.95, 0.4)
-        return usual, truth, np.stack([truth + walk(0.99, 0.4), truth + walk(0.3, 0.3)])
-
-    usual, truth, found = logged()
-    lost = np.where(np.arange(2000) % 100 < 10, np.nan, truth)
-    fitted = VelocityFilter.fit([lost], [found], [usual])
-    np.testing.assert_allclose(fitted.keep, [0.95, 0.99, 0.3], atol=0.06)
-    usual, truth, found = logged()
+    keep, sizes = np.array([0.95, 0.99, 0.3]), np.array([0.4, 0.4, 0.3])
+    state = np.zeros((4000, 3))
+    for before, now in itertools.pairwise(state):
+        now[:] = keep * before + np.sqrt(1.0 - keep**2) * sizes * rng.normal(size=3)
+    usual, truth = np.ones(2000), 1.0 + state[:, 0]
+    found = truth + state[:, 1:].T
+    lost = np.where(np.arange(2000) % 100 < 10, np.nan, truth[:2000])
+    fitted = VelocityFilter.fit([lost], [found[:, :2000]], [usual])
+    np.testing.assert_allclose(fitted.keep, keep, atol=0.06)
+    truth, found = truth[2000:], found[:, 2000:]  # unseen
     velocity = fitted.velocity(found, usual)
     single = np.sqrt(((found - truth) ** 2).mean(axis=1))
     assert np.sqrt(((velocity - truth) ** 2).mean()) < 0.8 * single.min()
-    later = np.where(np.arange(2000) < 1000, found, 9.0)
-    np.testing.assert_array_equal(fitted.velocity(later, usual)[:1000], velocity[:1000])
+    found[:, 1000:] = 9.0
+    np.testing.assert_array_equal(fitted.velocity(found, usual)[:1000], velocity[:1000])
 
 
 def iver2(folder, runs=3):
