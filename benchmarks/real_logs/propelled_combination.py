@@ -56,16 +56,15 @@ def gain(held: Sequence[Run], off: Sequence[Array], wanted: Sequence[Array]) -> 
     """Part of a method's difference from the constant speed to keep, 0 to 1.
 
     The factor is of least squared error on held-out runs, times 1 - (s / f)^2, where s is its
-    standard error by the scatter between blocks and f the factor itself (James and Stein 1961).
+    standard error by the scatter between runs and f the factor itself (James and Stein 1961).
 
     Args:
       off: the method less the constant. wanted: the truth less the constant, NaN without; [m/s].
     """
     blocks = []
-    for k, span in pieces(held):
-        good = held[k].moving[span] & np.isfinite(wanted[k][span])
-        x, y = off[k][span][good], wanted[k][span][good]
-        blocks += [(x @ y, x @ x)] if x.size else []
+    for run, x, y in zip(held, off, wanted, strict=False):
+        good = run.moving & np.isfinite(y)
+        blocks += [(x[good] @ y[good], x[good] @ x[good])] if good.any() else []
     products, squares = np.reshape(blocks, (-1, 2)).T
     total, size, count = float(products.sum()), float(squares.sum()), products.size
     if count < 2 or total <= 0.0 or size <= 0.0:
@@ -113,12 +112,15 @@ def combine(held: Sequence[Run], early: Sequence[Found], answers: Sequence[Found
         gains = np.array([gain(held, [one[k] for one in off], known) for k in range(len(off[0]))])
         shrunk = [base + gains[:, None] * one for base, one in zip(rest, off, strict=True)]
         weights = weigh(held, shrunk, wanted)
+        gained = gains > 0.0
         fitted = VelocityFilter.fit(
-            *zip(*((wanted[k], found[k][1:, axis], rest[k]) for k in whole), strict=True)
+            *zip(*((wanted[k], found[k][gained, axis], rest[k]) for k in whole), strict=True)
         )
         both.append([
-            np.vstack([shrunk[k], weights @ shrunk[k], fitted.velocity(one[1:, axis], rest[k])])
-            for k, one in enumerate(found[count:], count)
+            np.vstack([
+                shrunk[k], weights @ shrunk[k], fitted.velocity(found[k][gained, axis], rest[k])
+            ])
+            for k in range(count, len(found))
         ])  # fmt: skip
     labels = [CONSTANT, *(name + SHRUNK for name in others), COMBINED, FILTERED]
     return [
