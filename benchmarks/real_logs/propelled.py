@@ -200,18 +200,13 @@ def ratio_rows(data: str, runs: Sequence[Run], found: Sequence[Found]) -> list[R
         for one in found
     ]
     methods = common(methods_of(runs, plain, 0, "shrunk by the gain in held-out runs"))
-    draws = {one.name: pooled_draws([list(one.errors.values())]) for one in methods}
-    level = {one.name: rmse(np.concatenate([*one.errors.values()])) for one in methods}
+    draws = {one.name: pooled_draws([list(one.errors.values())])[1:] for one in methods}
+    level = {row.method: row for row in rmse_rows(RATIO, data, methods)}
     rows = []
-    for one in methods:
-        if one.name != CONSTANT:
-            low, high = central(draws[one.name][1:] / draws[CONSTANT][1:])
-            rows.append(Row(
-                task=RATIO, data=data, method=one.name, kind=one.kind,
-                value=level[one.name] / level[CONSTANT], low=low, high=high, unit="1",
-                note=one.note, dives=len(one.errors),
-                samples=sum(errors.size for errors in one.errors.values()),
-            ))  # fmt: skip
+    for name in [name for name in level if name != CONSTANT]:
+        low, high = central(draws[name] / draws[CONSTANT])
+        value = level[name].value / level[CONSTANT].value
+        rows.append(dataclasses.replace(level[name], value=value, low=low, high=high, unit="1"))
     return rows
 
 

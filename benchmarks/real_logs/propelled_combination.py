@@ -52,20 +52,17 @@ def pieces(runs: Sequence[Run]) -> list[tuple[int, slice]]:
     return found
 
 
-def gain(held: Sequence[Run], off: Sequence[Array], wanted: Sequence[Array]) -> float:
+def gain(found: Sequence[Array], wanted: Sequence[Array]) -> float:
     """Part of a method's difference from the constant speed to keep, 0 to 1.
 
     The factor is of least squared error on held-out runs, times 1 - (s / f)^2, where s is its
     standard error by the scatter between runs and f the factor itself (James and Stein 1961).
 
     Args:
-      off: the method less the constant. wanted: the truth less the constant, NaN without; [m/s].
+      found: the method less the constant [m/s] in each run. wanted: the truth less the constant.
     """
-    blocks = []
-    for run, x, y in zip(held, off, wanted, strict=False):
-        good = run.moving & np.isfinite(y)
-        blocks += [(x[good] @ y[good], x[good] @ x[good])] if good.any() else []
-    products, squares = np.reshape(blocks, (-1, 2)).T
+    products = np.array([x @ y for x, y in zip(found, wanted, strict=True)])
+    squares = np.array([x @ x for x in found])
     total, size, count = float(products.sum()), float(squares.sum()), products.size
     if count < 2 or total <= 0.0 or size <= 0.0:
         return 0.0
@@ -73,18 +70,11 @@ def gain(held: Sequence[Run], off: Sequence[Array], wanted: Sequence[Array]) -> 
     return min(1.0, max(0.0, 1.0 - scatter / total**2) * total / size)
 
 
-def weigh(held: Sequence[Run], found: Sequence[Array], wanted: Sequence[Array]) -> Array:
-    """Weights of the methods, at least 0 and 1 together, of least error on held-out runs.
-
-    Args:
-      found: of each run, (methods, time). wanted: the truth, NaN without; [m/s].
-    """
-    rows = [run.moving & np.isfinite(v) for run, v in zip(held, wanted, strict=True)]
-    truth = np.concatenate([v[good] for v, good in zip(wanted, rows, strict=True)])
-    each = np.concatenate([f[:, good].T for f, good in zip(found, rows, strict=False)])
-    size = each.shape[1]
+def weigh(each: Array, truth: Array) -> Array:
+    """Weights of methods [m/s], (methods, samples), at least 0 and 1 together, of least error."""
+    size = len(each)
     pull = np.sqrt(EQUAL * truth.size) * (truth.std() if truth.size else 1.0)
-    matrix = np.concatenate([each, pull * np.eye(size), 1e3 * np.ones((1, size))])
+    matrix = np.concatenate([each.T, pull * np.eye(size), 1e3 * np.ones((1, size))])
     weights, _ = nnls(matrix, np.concatenate([truth, np.full(size, pull / size), [1e3]]))
     return np.asarray(weights / weights.sum())
 
@@ -92,35 +82,33 @@ def weigh(held: Sequence[Run], found: Sequence[Array], wanted: Sequence[Array]) 
 def combine(held: Sequence[Run], early: Sequence[Found], answers: Sequence[Found]) -> list[Found]:
     """Each method shrunk, the combination of these, and the filter of all, for each answer.
 
-    Methods without any held-out answer take no part. A held-out run without the channels of a
-    method has the constant speed instead. The filter learns from runs with all channels, if any.
+    A method without a held-out answer takes no part. A held-out run without its channels has the
+    constant speed instead. The filter has methods that gain, and learns from runs with all, if any.
 
     Args:
-      early: velocities of the held-out runs; answers: those of the left-out runs.
+      early: velocities of the held-out runs. answers: those of the left-out runs.
     """
     names = [name for name in answers[0] if all(name in one for one in answers)]
     others = [n for n in names if n not in (PLAIN, CONSTANT) and any(n in one for one in early)]
     every, count = [*early, *answers], len(held)
-    found = [np.stack([one.get(n, one[CONSTANT]) for n in (CONSTANT, *others)]) for one in every]
     whole = [k for k, one in enumerate(early) if set(others) <= set(one)] or range(count)
     both = []
     for axis in (0, 1):
-        wanted = [(run.surge, run.sway)[axis] for run in held]
-        rest = [one[0, axis] for one in found]
-        off = [one[:, axis] - base for one, base in zip(found, rest, strict=True)]
-        known = [truth - base for truth, base in zip(wanted, rest, strict=False)]
-        gains = np.array([gain(held, [one[k] for one in off], known) for k in range(len(off[0]))])
-        shrunk = [base + gains[:, None] * one for base, one in zip(rest, off, strict=True)]
-        weights = weigh(held, shrunk, wanted)
-        gained = gains > 0.0
-        fitted = VelocityFilter.fit(
-            *zip(*((wanted[k], found[k][gained, axis], rest[k]) for k in whole), strict=True)
-        )
+        rest = [one[CONSTANT][axis] for one in every]
+        off = [np.stack([o.get(n, o[CONSTANT])[axis] for n in (CONSTANT, *others)]) for o in every]
+        off = [one - base for one, base in zip(off, rest, strict=True)]
+        wanted = [(r.surge, r.sway)[axis] - base for r, base in zip(held, rest, strict=False)]
+        rows = [run.moving & np.isfinite(one) for run, one in zip(held, wanted, strict=True)]
+        truth = [one[good] for one, good in zip(wanted, rows, strict=True)]
+        known = [one[:, good] for one, good in zip(off, rows, strict=False)]
+        gains = np.array([gain([x[k] for x in known], truth) for k in range(1 + len(others))])
+        shrunk = [gains[:, None] * one for one in off]
+        weights = weigh(gains[:, None] * np.concatenate(known, axis=1), np.concatenate(truth))
+        mine = [one[gains > 0.0] for one in off]
+        fitted = VelocityFilter.fit([wanted[k] for k in whole], [mine[k] for k in whole])
         both.append([
-            np.vstack([
-                shrunk[k], weights @ shrunk[k], fitted.velocity(found[k][gained, axis], rest[k])
-            ])
-            for k in range(count, len(found))
+            rest[k] + np.vstack([shrunk[k], weights @ shrunk[k], fitted.velocity(mine[k])])
+            for k in range(count, len(every))
         ])  # fmt: skip
     labels = [CONSTANT, *(name + SHRUNK for name in others), COMBINED, FILTERED]
     return [

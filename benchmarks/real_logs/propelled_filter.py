@@ -1,9 +1,9 @@
 """Propelled filter: a Kalman filter of a velocity with each method as a measurement.
 
-The velocity u returns to the constant one c, 0 where the vehicle stands, by thrust, drag and
-inertia. Each method's error e has a memory of its own. With d = u - c, from sample to sample:
+The velocity differs from the constant one, 0 where the vehicle stands, by d. Thrust, drag and
+inertia take d back to 0. Each method's error e has a memory of its own. From sample to sample,
 
-    d' = a d + w,   e_i' = b_i e_i + w_i,   m_i = c + d + e_i.
+    d' = a d + w,   e_i' = b_i e_i + w_i,   m_i = d + e_i.
 
 Factors and covariances of the noise are those of held-out training runs (Kalman 1960).
 """
@@ -26,46 +26,35 @@ class VelocityFilter(NamedTuple):
     """Filter of the velocity and of the methods' errors, the state, (1 + methods,)."""
 
     keep: Array
-    """[1] Factors a and b_i of d and of the errors"""
+    """[1] Factors a and b_i"""
     start: Array
     """[m2/s2] Covariance of the state before the first measurement"""
     noise: Array
     """[m2/s2] Covariance of w and w_i"""
 
     @classmethod
-    def fit(
-        cls, truth: Sequence[Array], found: Sequence[Array], usual: Sequence[Array]
-    ) -> VelocityFilter:
-        """Fit to runs with a measured velocity.
+    def fit(cls, wanted: Sequence[Array], found: Sequence[Array]) -> VelocityFilter:
+        """Fit to runs with a measured velocity, d of each run in `wanted`, (time,), NaN without.
 
         Args:
-          truth: [m/s] of each run, (time,), NaN without. found: [m/s] by each method, (methods,
-            time). usual: [m/s] c of each run, (time,).
+          found: m_i of each run, (methods, time); all [m/s].
         """
-        states, before, after = [], [], []
-        for wanted, each, base in zip(truth, found, usual, strict=True):
-            states.append(np.vstack([wanted - base, each - wanted]))
-            before.append(states[-1][:, :-1])
-            after.append(states[-1][:, 1:])
-        old, new, every = (np.concatenate(some, axis=1) for some in (before, after, states))
+        states = [np.vstack([d, m - d]) for d, m in zip(wanted, found, strict=True)]
+        old = np.concatenate([one[:, :-1] for one in states], axis=1)
+        new = np.concatenate([one[:, 1:] for one in states], axis=1)
         both = np.isfinite(old[0] + new[0])
         old, new = old[:, both], new[:, both]
         keep = (old * new).sum(axis=1) / np.maximum((old * old).sum(axis=1), 1e-12)
         keep = np.clip(keep, 0.0, LONGEST)
-        start = _covariance(every[:, np.isfinite(every[0])])
-        return cls(keep, start, _covariance(new - keep[:, None] * old))
+        return cls(keep, _covariance(old), _covariance(new - keep[:, None] * old))
 
-    def velocity(self, found: Array, usual: Array) -> Array:
-        """Velocity [m/s] of a run, (time,), each sample by those up to it.
-
-        Args:
-          found: [m/s] by each method, (methods, time). usual: [m/s] c, (time,).
-        """
+    def velocity(self, found: Array) -> Array:
+        """Estimate d [m/s] of a run, (time,), each sample by the m_i up to it, (methods, time)."""
         count = len(found)
         sees = np.hstack([np.ones((count, 1)), np.eye(count)])
         state, spread = np.zeros(1 + count), self.start
-        velocity = usual.copy()
-        for k, measured in enumerate((found - usual).T):
+        velocity = np.empty(found.shape[1])
+        for k, measured in enumerate(found.T):
             if k:
                 state = self.keep * state
                 spread = self.keep[:, None] * spread * self.keep + self.noise
@@ -73,7 +62,7 @@ class VelocityFilter(NamedTuple):
             gain = np.linalg.solve(seen @ sees.T + READING**2 * np.eye(count), seen).T
             state = state + gain @ (measured - sees @ state)
             spread = spread - gain @ seen
-            velocity[k] += state[0]
+            velocity[k] = state[0]
         return velocity
 
 
