@@ -23,7 +23,6 @@ from benchmarks.real_logs.propelled_combination import (
     Found,
     Parts,
     combine,
-    pieces,
     splits,
 )
 from benchmarks.real_logs.propelled_networks import NETWORKS, Pretrained, network_velocities
@@ -33,6 +32,7 @@ from benchmarks.real_logs.propelled_speeds import (
     METHODS,
     known,
     learned_quiet,
+    levels,
     limit_surge,
     standing_samples,
 )
@@ -46,20 +46,22 @@ from benchmarks.real_logs.row import (
     rmse,
     rmse_rows,
 )
-from twin.navigation.dead_reckoning import Array, AttitudeSeries, rotate_to_ned
+from twin.navigation.dead_reckoning import AttitudeSeries, rotate_to_ned
 
 SURGE, SWAY, PATH = "propelled, surge", "propelled, sway", "propelled, path"
 RATIO, UNDER_WAY = "propelled, surge over constant speed", "propelled, surge under way"
 STANDING, LATER = "propelled, standing", "propelled, second half by the first"
 LEFT_OUT, BOUND = "propelled, one vehicle left out", "propelled, surge beside bounds"
 TASKS = (SURGE, BOUND, UNDER_WAY, LEFT_OUT, RATIO, SWAY, PATH, STANDING, LATER)
+PIECE = 120.0
+"""[s] Pieces that the bootstrap draws where a vehicle has less than four runs"""
 DEFAULT, FIRST = "default", "mean of the first half"
 STANDING_FIGURES = ("standing, found", "moving, taken for standing")
-FLOORS = ("own mean, in hindsight", "line in all inputs and their past, in hindsight")
+FLOORS = ("own mean, in hindsight", "line in all channels, in hindsight")
 KEPT = (CONSTANT, COMBINED, FILTERED)
 """Methods that are not shrunk: to a constant they have nothing to lose"""
-PAST = (10.0, 30.0)
-"""[s] Times before a sample whose means and noise the last line has"""
+AROUND = (10.0, 30.0)
+"""[s] Times around a sample whose means and noise the last line has"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,18 +84,17 @@ class Fold:
     def network_velocities(self, parts: Parts) -> list[Found]:
         """Velocities of held-out runs, none by networks of other vehicles, and of the tests; an
         earlier call's where it kept them."""
-        count, first = sum(len(held) for _, held in parts), self.tests[0]
+        count, first = sum(len(held) for _, held in parts) + len(self.tests), self.tests[0]
         if self.pretrained is None or self.place is None:
-            return [{} for _ in range(count + len(self.tests))]
+            return [{} for _ in range(count)]
         by = "-".join(dict.fromkeys(run.vehicle for run in self.train))
         path = self.place / f"{first.vehicle}-{first.name}-by-{by}-{self.seed}.npz"
         if not path.exists():
             found = network_velocities(parts, self.tests, self.pretrained, self.seed, own=self.own)
             np.savez(path, **{f"{n} {k}": v for k, one in enumerate(found) for n, v in one.items()})
-        size = len(self.tests) + count * self.own
         with np.load(path) as kept:
-            known = [{n: kept[f"{n} {k}"] for n in NETWORKS} for k in range(size)]
-        return [*({} for _ in range(count * (not self.own))), *known]
+            names = [[n for n in NETWORKS if f"{n} {k}" in kept] for k in range(count)]
+            return [{n: kept[f"{n} {k}"] for n in some} for k, some in enumerate(names)]
 
 
 Vehicles = Mapping[str, Sequence[Run]]
@@ -156,28 +157,28 @@ def run(fold: Fold) -> list[Found]:
 # --- scores ---------------------------------------------------------------------------------------
 
 
-def past(run: Run) -> Array:
-    """Channels of a run, their means and the logarithms of their noise over `PAST`, (time, n)."""
-    found = [*run.signals.values(), np.ones(run.surge.size)]
-    ends = np.arange(1, run.surge.size + 1)
-    for begins in (np.maximum(ends - round(seconds / run.period), 0) for seconds in PAST):
-        for values in run.signals.values():
-            sums = [np.cumsum(np.append(0.0, v)) for v in (values, values**2)]
-            mean, square = ((one[ends] - one[begins]) / (ends - begins) for one in sums)
-            found += [mean, np.log(np.sqrt(np.maximum(square - mean**2, 0.0)) + 1e-3)]
-    return np.stack(found, axis=1)
+def pieces(runs: Sequence[Run]) -> list[tuple[int, slice]]:
+    """Blocks of the bootstrap: runs, or their pieces if they are few; run and samples."""
+    found = []
+    for k, one in enumerate(runs):
+        step = one.surge.size if len(runs) >= FEW else round(PIECE / one.period)
+        found += [(k, slice(n, n + step)) for n in range(0, one.surge.size, step)]
+    return found
 
 
 def hindsight(runs: Sequence[Run]) -> list[Found]:
-    """Lower bounds of surge: each run's own mean, and one line in all runs' channels and past."""
-    inputs = [past(run) for run in runs]
-    joined = np.concatenate([x[run.moving] for x, run in zip(inputs, runs, strict=True)])
-    law = np.linalg.lstsq(joined, known(runs, lambda run: run.surge), rcond=None)[0]
-    means = [float(run.surge[run.moving].mean()) for run in runs]
-    return [
-        {FLOORS[0]: np.full((2, len(x)), mean), FLOORS[1]: np.stack([x @ law] * 2)}
-        for x, mean in zip(inputs, means, strict=True)
-    ]
+    """Lower bounds of surge: each run's own mean, and one line for all runs in their channels and
+    the means and noise around each sample."""
+    inputs = []
+    for run in runs:
+        x = np.stack([*run.signals.values()])
+        around = [part for seconds in AROUND for part in levels(x, seconds, run.period)]
+        inputs.append(np.concatenate([x, *around, np.ones((1, run.surge.size))]))
+    joined = np.concatenate([x[:, r.moving] for x, r in zip(inputs, runs, strict=True)], axis=1)
+    law = np.linalg.lstsq(joined.T, known(runs, lambda run: run.surge), rcond=None)[0]
+    own = [np.full(run.surge.size, run.surge[run.moving].mean()) for run in runs]
+    both = [(mean, law @ x) for mean, x in zip(own, inputs, strict=True)]
+    return [{n: np.stack([v, v]) for n, v in zip(FLOORS, one, strict=True)} for one in both]
 
 
 def methods_of(runs: Sequence[Run], found: Sequence[Found], axis: int, note: str) -> list[Method]:
@@ -213,8 +214,9 @@ def ratio_rows(data: str, runs: Sequence[Run], found: Sequence[Found]) -> list[R
 def path_rows(vehicle: str, runs: Sequence[Run], found: Sequence[Found]) -> list[Row]:
     """Rows of the error of dead reckoning at the end of the runs, in % of their paths."""
     cut = pieces(runs)
-    whose = np.array([number for number, _ in cut])
-    drawn = np.vstack([np.arange(len(cut)), bootstrap(len(cut))])
+    whose = np.eye(len(runs))[[number for number, _ in cut]]
+    drawn = np.stack([np.bincount(d, minlength=len(cut)) for d in bootstrap(len(cut))])
+    drawn = np.vstack([np.ones(len(cut), int), drawn])
     rows = []
     for method in methods_of(runs, found, 0, ""):
         off, path = np.zeros((len(cut), 2)), np.zeros(len(cut))
@@ -227,10 +229,8 @@ def path_rows(vehicle: str, runs: Sequence[Run], found: Sequence[Found]) -> list
             level = rotate_to_ned(np.column_stack([*errors, np.zeros(good.size)]), attitude)
             off[k] = one.period * level[span, :2].sum(axis=0)
             path[k] = one.period * np.abs(np.where(good, one.surge, 0.0)[span]).sum()
-        ends = np.zeros((len(drawn), len(runs), 2))
-        for row, end in zip(drawn, ends, strict=True):
-            np.add.at(end, whose[row], off[row])
-        figures = 100.0 * np.hypot(*ends.transpose(2, 0, 1)).sum(axis=1) / path[drawn].sum(axis=1)
+        ends = np.einsum("dp,pr,pk->drk", drawn, whose, off)
+        figures = 100.0 * np.hypot(*ends.transpose(2, 0, 1)).sum(axis=1) / (drawn @ path)
         low, high = central(figures[1:])
         rows.append(Row(
             task=PATH, data=vehicle, method=method.name, kind=method.kind, value=float(figures[0]),
@@ -242,21 +242,19 @@ def path_rows(vehicle: str, runs: Sequence[Run], found: Sequence[Found]) -> list
 
 def standing_rows(vehicle: str, runs: Sequence[Run]) -> list[Row]:
     """Rows of standing samples that are found, and of moving ones that are taken for them."""
-    rows = []
-    for name in STANDING_FIGURES:
-        hit = size = 0
-        for k, one in enumerate(runs):
-            quiet = learned_quiet([*runs[:k], *runs[k + 1 :]]) if len(runs) > 1 else 0.0
-            still = np.isfinite(one.surge) & ~one.moving
-            asked = one.moving if name.startswith("moving") else still
-            hit += int((standing_samples(one, quiet) & asked).sum())
-            size += int(asked.sum())
-        if size:
-            rows.append(Row(
-                task=STANDING, data=vehicle, method=name, kind="floor", value=100.0 * hit / size,
-                unit="%", samples=size, dives=len(runs),
-            ))  # fmt: skip
-    return rows
+    others = [[other for other in runs if other is not one] for one in runs]
+    quiet = [learned_quiet(some) if some else 0.0 for some in others]
+    found = np.concatenate([standing_samples(*pair) for pair in zip(runs, quiet, strict=True)])
+    moving = np.concatenate([one.moving for one in runs])
+    still = np.isfinite(np.concatenate([one.surge for one in runs])) & ~moving
+    return [
+        Row(
+            task=STANDING, data=vehicle, method=name, kind="floor", unit="%", dives=len(runs),
+            value=100.0 * float(found[asked].mean()), samples=int(asked.sum()),
+        )
+        for name, asked in zip(STANDING_FIGURES, (still, moving), strict=True)
+        if asked.any()
+    ]  # fmt: skip
 
 
 def halves(one: Run, found: Found) -> tuple[Run, Found] | None:

@@ -15,10 +15,8 @@ from benchmarks.real_logs.propelled_runs import Run
 from benchmarks.real_logs.propelled_speeds import CONSTANT
 from twin.navigation.dead_reckoning import Array
 
-PIECE = 120.0
-"""[s] Pieces that the bootstrap draws where a vehicle has less than four runs"""
 FEW = 4
-"""Fewest runs for a bootstrap over runs; fewest moving samples for a default"""
+"""Fewest runs for a bootstrap or a split over runs; fewest moving samples for a default"""
 EQUAL = 0.02
 """[1] Pull of the combination's weights towards equal ones, as a fraction of the variance"""
 PLAIN = "constant speed, never standing"
@@ -41,15 +39,6 @@ def splits(train: Sequence[Run]) -> Parts:
     else:
         held = [[run] for run in train] if len(train) < FEW else [list(train[3::4])]
     return [([run for run in train if run not in some], some) for some in held]
-
-
-def pieces(runs: Sequence[Run]) -> list[tuple[int, slice]]:
-    """Blocks of the bootstrap: runs, or their pieces if they are few; run and samples."""
-    found = []
-    for k, one in enumerate(runs):
-        step = one.surge.size if len(runs) >= FEW else round(PIECE / one.period)
-        found += [(k, slice(n, n + step)) for n in range(0, one.surge.size, step)]
-    return found
 
 
 def gain(found: Sequence[Array], wanted: Sequence[Array]) -> float:
@@ -83,7 +72,7 @@ def combine(held: Sequence[Run], early: Sequence[Found], answers: Sequence[Found
     """Each method shrunk, the combination of these, and the filter of all, for each answer.
 
     A method without a held-out answer takes no part. A held-out run without its channels has the
-    constant speed instead. The filter has methods that gain, and learns from runs with all, if any.
+    constant speed instead. The filter has the methods that gain.
 
     Args:
       early: velocities of the held-out runs. answers: those of the left-out runs.
@@ -91,7 +80,6 @@ def combine(held: Sequence[Run], early: Sequence[Found], answers: Sequence[Found
     names = [name for name in answers[0] if all(name in one for one in answers)]
     others = [n for n in names if n not in (PLAIN, CONSTANT) and any(n in one for one in early)]
     every, count = [*early, *answers], len(held)
-    whole = [k for k, one in enumerate(early) if set(others) <= set(one)] or range(count)
     both = []
     for axis in (0, 1):
         rest = [one[CONSTANT][axis] for one in every]
@@ -105,7 +93,7 @@ def combine(held: Sequence[Run], early: Sequence[Found], answers: Sequence[Found
         shrunk = [gains[:, None] * one for one in off]
         weights = weigh(gains[:, None] * np.concatenate(known, axis=1), np.concatenate(truth))
         mine = [one[gains > 0.0] for one in off]
-        fitted = VelocityFilter.fit([wanted[k] for k in whole], [mine[k] for k in whole])
+        fitted = VelocityFilter.fit(wanted, mine[:count])
         both.append([
             rest[k] + np.vstack([shrunk[k], weights @ shrunk[k], fitted.velocity(mine[k])])
             for k in range(count, len(every))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import itertools
 import pickle
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -112,28 +111,28 @@ def network_velocities(
     have = set.intersection(*(set(run.signals) for run in every))
     have |= {"depth_rate"} if "depth" in have else set()
     names = next(some for some in reversed(INPUTS) if have.issuperset(some))
-
+    early: list[dict[str, Array]] = [{} for _, held in parts for _ in held]
     if not own:
         alike = [len(set(held[0].signals) & set(tests[0].signals)) for _, held in parts]
         parts = [parts[alike.index(max(alike))]]
 
-    def answers(name: str, target: str, part: tuple[list[Run], list[Run]]) -> list[Array]:
-        train, held, asked = (
-            [samples(run, names, target) for run in runs] for runs in (*part, tests)
-        )
-        first, config = pretrained[names][target], TRAININGS[name]
-        start = None if name == NETWORKS[0] else first
-        fit = functools.partial(fit_network, train, held, names, seed=seed, network=ELMAN)
-        network = first if config is None else fit(config, start=start)
-        return predict(network, [*held, *asked] if own else asked)
+    def answer(name: str, used: Sequence[Run], held: Sequence[Run]) -> list[Array]:
+        asked, both = [*(held if own else ()), *tests], []
+        for target in TARGETS:
+            train, stop, wanted = (
+                [samples(run, names, target) for run in runs] for runs in (used, held, asked)
+            )
+            first, config = pretrained[names][target], TRAININGS[name]
+            start = None if name == NETWORKS[0] else first
+            fit = functools.partial(fit_network, train, stop, names, seed=seed, network=ELMAN)
+            both.append(predict(first if config is None else fit(config, start=start), wanted))
+        return [np.stack(pair) for pair in zip(*both, strict=True)]
 
-    found: dict[str, list[list[Array]]] = {name: [] for name in NETWORKS}
-    for name, target in itertools.product(NETWORKS, TARGETS):
-        each = [answers(name, target, part) for part in parts]
-        early = [one for some in each for one in some[: -len(tests)]]
-        late = zip(*(some[-len(tests) :] for some in each), strict=True)
-        found[name].append([*early, *(np.mean(some, axis=0) for some in late)])
-    return [
-        {name: np.stack(pair) for name, pair in zip(found, some, strict=True)}
-        for some in zip(*(zip(*pair, strict=True) for pair in found.values()), strict=True)
-    ]
+    each = [{name: answer(name, *part) for name in NETWORKS} for part in parts]
+    for name in NETWORKS:
+        known = [some for one in each for some in one[name][: -len(tests)]]
+        for one, velocity in zip(early, known, strict=False):
+            one[name] = velocity
+    ends = range(-len(tests), 0)
+    late = [{n: np.mean([one[n][k] for one in each], axis=0) for n in NETWORKS} for k in ends]
+    return [*early, *late]

@@ -103,8 +103,11 @@ def test_networks_are_kept_for_the_next_call(tmp_path, monkeypatch):
 
     def predicted(parts, tests, pretrained, seed, own):
         asked.append((tests[0].name, own))
-        runs = [*(run for _, held in parts for run in held if own), *tests]
-        return [{n: np.stack([r.surge, r.sway]) for n in propelled.NETWORKS} for r in runs]
+        held = [run for _, some in parts for run in some]
+        known = [
+            {n: np.stack([r.surge, r.sway]) for n in propelled.NETWORKS} for r in [*held, *tests]
+        ]
+        return known if own else [*({} for _ in held), *known[len(held) :]]
 
     monkeypatch.setattr(propelled, "network_velocities", predicted)
     runs = {"made-up": [made(0), made(1)], "other": [made(2, "other")]}
