@@ -82,19 +82,17 @@ class Fold:
         return self.train[0].vehicle == self.tests[0].vehicle
 
     def network_velocities(self, parts: Parts) -> list[Found]:
-        """Velocities of held-out runs, none by networks of other vehicles, and of the tests; an
-        earlier call's where it kept them."""
+        """Velocities of held-out runs and of the tests; an earlier call's where it kept them."""
         count, first = sum(len(held) for _, held in parts) + len(self.tests), self.tests[0]
         if self.pretrained is None or self.place is None:
             return [{} for _ in range(count)]
         by = "-".join(dict.fromkeys(run.vehicle for run in self.train))
         path = self.place / f"{first.vehicle}-{first.name}-by-{by}-{self.seed}.npz"
         if not path.exists():
-            found = network_velocities(parts, self.tests, self.pretrained, self.seed, own=self.own)
+            found = network_velocities(parts, self.tests, self.pretrained, self.seed)
             np.savez(path, **{f"{n} {k}": v for k, one in enumerate(found) for n, v in one.items()})
         with np.load(path) as kept:
-            names = [[n for n in NETWORKS if f"{n} {k}" in kept] for k in range(count)]
-            return [{n: kept[f"{n} {k}"] for n in some} for k, some in enumerate(names)]
+            return [{n: kept[f"{n} {k}"] for n in NETWORKS} for k in range(count)]
 
 
 Vehicles = Mapping[str, Sequence[Run]]
@@ -282,25 +280,23 @@ def rows_of(
         mine = [p for p in zip(jobs, answers, strict=True) if p[0].tests[0].vehicle == vehicle]
         own, other = ([f for j, a in mine if j.own is kind for f in a] for kind in (True, False))
         if own:
-            there = [k for k, one in enumerate(runs) if one.moving.any()]
-            able, full = [runs[k] for k in there], [own[k] for k in there]
+            some = [pair for pair in zip(runs, own, strict=True) if pair[0].moving.any()]
+            able, full = zip(*some, strict=True)
             note = "other runs' velocities"
             rows += rmse_rows(SURGE, vehicle, methods_of(able, full, 0, note))
             rows += rmse_rows(SWAY, vehicle, methods_of(able, full, 1, note))
             both = [f | bound for f, bound in zip(full, hindsight(able), strict=True)]
-            some = [one for one in methods_of(able, both, 0, note) if one.name in (*KEPT, *FLOORS)]
-            rows += rmse_rows(BOUND, vehicle, some) + ratio_rows(vehicle, able, full)
+            few = [one for one in methods_of(able, both, 0, note) if one.name in (*KEPT, *FLOORS)]
+            rows += rmse_rows(BOUND, vehicle, few) + ratio_rows(vehicle, able, full)
             rows += path_rows(vehicle, runs, own)
             slowest = 0.5 * float(np.percentile(known(runs, lambda run: run.surge), 90.0))
             quick = [dataclasses.replace(one, slowest=slowest) for one in runs]
             same = folds({vehicle: quick}, jobs[0].pretrained, jobs[0].seed, jobs[0].place)
             again = [run(job)[0] for job in same]
-            faster = methods_of(quick, again, 0, f"above {slowest:.2f} m/s")
-            rows += rmse_rows(UNDER_WAY, vehicle, faster)
+            rows += rmse_rows(UNDER_WAY, vehicle, methods_of(quick, again, 0, f"{slowest:.2f} m/s"))
             rows += ratio_rows(f"{vehicle}, under way", quick, again)
         if other:
-            learned = methods_of(runs, other, 0, "other vehicles' velocities")
-            rows += rmse_rows(LEFT_OUT, vehicle, learned)
+            rows += rmse_rows(LEFT_OUT, vehicle, methods_of(runs, other, 0, "other vehicles"))
             rows += ratio_rows(f"{vehicle}, by other vehicles", runs, other)
         parts = [halves(*pair) for pair in zip(runs, own or other, strict=bool(own or other))]
         later = [part for part in parts if part is not None]

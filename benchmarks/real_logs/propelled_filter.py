@@ -55,14 +55,11 @@ class VelocityFilter(NamedTuple):
         state, spread = np.zeros(1 + count), self.start
         velocity = np.empty(found.shape[1])
         for k, measured in enumerate(found.T):
-            if k:
-                state = self.keep * state
-                spread = self.keep[:, None] * spread * self.keep + self.noise
             seen = sees @ spread
             gain = np.linalg.solve(seen @ sees.T + READING**2 * np.eye(count), seen).T
             state = state + gain @ (measured - sees @ state)
-            spread = spread - gain @ seen
-            velocity[k] = state[0]
+            velocity[k], state = state[0], self.keep * state
+            spread = self.keep[:, None] * (spread - gain @ seen) * self.keep + self.noise
         return velocity
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import pickle
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -100,39 +101,32 @@ def samples(run: Run, names: Sequence[str], target: str) -> Samples:
 
 
 def network_velocities(
-    parts: Parts, tests: Sequence[Run], pretrained: Pretrained, seed: int, *, own: bool
+    parts: Parts, tests: Sequence[Run], pretrained: Pretrained, seed: int
 ) -> list[dict[str, Array]]:
     """Surge and sway [m/s], (2, time), of held-out runs and of the tests, by each network.
 
-    Held-out runs stop a training early; the tests have the mean over trainings. With runs of other
-    vehicles (not `own`) one training, which the vehicle most alike stops, answers the tests alone.
+    Held-out runs stop a training early; the tests have the mean over trainings.
     """
-    every = [*tests, *(run for used, held in parts for run in (*used, *held))]
+    every = [*tests, *(run for used, held in parts[:1] for run in (*used, *held))]
     have = set.intersection(*(set(run.signals) for run in every))
     have |= {"depth_rate"} if "depth" in have else set()
     names = next(some for some in reversed(INPUTS) if have.issuperset(some))
-    early: list[dict[str, Array]] = [{} for _, held in parts for _ in held]
-    if not own:
-        alike = [len(set(held[0].signals) & set(tests[0].signals)) for _, held in parts]
-        parts = [parts[alike.index(max(alike))]]
 
-    def answer(name: str, used: Sequence[Run], held: Sequence[Run]) -> list[Array]:
-        asked, both = [*(held if own else ()), *tests], []
-        for target in TARGETS:
-            train, stop, wanted = (
-                [samples(run, names, target) for run in runs] for runs in (used, held, asked)
-            )
-            first, config = pretrained[names][target], TRAININGS[name]
-            start = None if name == NETWORKS[0] else first
-            fit = functools.partial(fit_network, train, stop, names, seed=seed, network=ELMAN)
-            both.append(predict(first if config is None else fit(config, start=start), wanted))
-        return [np.stack(pair) for pair in zip(*both, strict=True)]
+    def answers(name: str, target: str, used: Sequence[Run], held: Sequence[Run]) -> list[Array]:
+        train, stop, asked = (
+            [samples(run, names, target) for run in runs] for runs in (used, held, tests)
+        )
+        first, config = pretrained[names][target], TRAININGS[name]
+        start = None if name == NETWORKS[0] else first
+        fit = functools.partial(fit_network, train, stop, names, seed=seed, network=ELMAN)
+        return predict(first if config is None else fit(config, start=start), [*stop, *asked])
 
-    each = [{name: answer(name, *part) for name in NETWORKS} for part in parts]
-    for name in NETWORKS:
-        known = [some for one in each for some in one[name][: -len(tests)]]
-        for one, velocity in zip(early, known, strict=False):
-            one[name] = velocity
-    ends = range(-len(tests), 0)
-    late = [{n: np.mean([one[n][k] for one in each], axis=0) for n in NETWORKS} for k in ends]
-    return [*early, *late]
+    count = len(tests)
+    found: list[dict[str, list[Array]]] = [{} for _ in range(count + sum(len(h) for _, h in parts))]
+    for name, target in itertools.product(NETWORKS, TARGETS):
+        each = [answers(name, target, *part) for part in parts]
+        early = [one for some in each for one in some[:-count]]
+        late = [np.mean(some, axis=0) for some in zip(*(s[-count:] for s in each), strict=True)]
+        for one, velocity in zip(found, [*early, *late], strict=True):
+            one.setdefault(name, []).append(velocity)
+    return [{name: np.stack(pair) for name, pair in one.items()} for one in found]

@@ -11,7 +11,7 @@ from logs import SHARED, sailfish_columns
 from benchmarks import command
 from benchmarks.real_logs import propelled, propelled_networks
 from benchmarks.real_logs.__main__ import main
-from benchmarks.real_logs.propelled_combination import SHRUNK, gain
+from benchmarks.real_logs.propelled_combination import gain
 from benchmarks.real_logs.propelled_filter import VelocityFilter
 from benchmarks.real_logs.propelled_runs import Run, gather, gridded
 from benchmarks.real_logs.propelled_speeds import METHODS
@@ -63,7 +63,6 @@ def test_every_method_is_scored_and_the_balance_of_thrust_knows_an_unseen_run():
     bounds = {r.method: r.value for r in rows if r.task == propelled.BOUND and r.data == "made-up"}
     assert bounds[propelled.FLOORS[1]] < surge["linear in rpm"].value  # one of its lines
     assert propelled.FLOORS[1] in markdown(rows, propelled.BOUND)
-    assert propelled.FLOORS[1] not in markdown(rows, propelled.SURGE)
     assert surge["balance of thrust"].low < surge["balance of thrust"].value
     standing = {r.method: r.value for r in rows if r.task == propelled.STANDING}
     assert standing["standing, found"] > 60.0
@@ -101,25 +100,18 @@ def test_the_default_of_a_log_is_the_best_of_its_first_half():
 def test_networks_are_kept_for_the_next_call(tmp_path, monkeypatch):
     asked = []
 
-    def predicted(parts, tests, pretrained, seed, own):
-        asked.append((tests[0].name, own))
-        held = [run for _, some in parts for run in some]
-        known = [
-            {n: np.stack([r.surge, r.sway]) for n in propelled.NETWORKS} for r in [*held, *tests]
-        ]
-        return known if own else [*({} for _ in held), *known[len(held) :]]
+    def predicted(parts, tests, pretrained, seed):
+        asked.append(tests[0].name)
+        runs = [*(run for _, held in parts for run in held), *tests]
+        return [{n: np.stack([r.surge, r.sway]) for n in propelled.NETWORKS} for r in runs]
 
     monkeypatch.setattr(propelled, "network_velocities", predicted)
-    runs = {"made-up": [made(0), made(1)], "other": [made(2, "other")]}
-    (job, _, others, _) = propelled.folds(runs, {}, 0, tmp_path)
+    (job, *_) = propelled.folds({"made-up": [made(0), made(1)]}, {}, 0, tmp_path)
     (first,), (second,) = propelled.run(job), propelled.run(job)
-    assert asked == [("0", True)]
+    assert asked == ["0"]
     assert set(propelled.NETWORKS) < set(first)
     for name, velocity in first.items():
         np.testing.assert_array_equal(velocity, second[name])
-    (one, _) = propelled.run(others)  # networks of other vehicles are scored, and never weighed
-    assert one.keys() >= set(propelled.NETWORKS)
-    assert not {name + SHRUNK for name in propelled.NETWORKS} & set(one)
 
 
 def test_a_method_is_kept_by_what_it_gains_in_every_held_out_run():
@@ -231,7 +223,7 @@ def test_each_network_predicts_held_out_and_left_out_runs(monkeypatch):
     slow = [dataclasses.replace(run, surge=0.5 * run.surge) for run in runs]  # as simulation is off
     table = {t: propelled_networks.pretrain(slow, names, t, 0) for t in propelled_networks.TARGETS}
     parts = [([lost, *runs[1:3]], [runs[3]])]
-    found = propelled_networks.network_velocities(parts, [runs[4]], {names: table}, 0, own=True)
+    found = propelled_networks.network_velocities(parts, [runs[4]], {names: table}, 0)
     assert [set(one) for one in found] == [set(propelled.NETWORKS)] * 2
     for one in found:
         assert all(velocity.shape == (2, TIME.size) for velocity in one.values())
