@@ -41,17 +41,18 @@ def splits(train: Sequence[Run]) -> Parts:
     return [([run for run in train if run not in some], some) for some in held]
 
 
-def gain(found: Sequence[Array], wanted: Sequence[Array]) -> float:
+def gain(found: Sequence[Array], wanted: Sequence[Array], units: Sequence[int]) -> float:
     """Part of a method's difference from the constant speed to keep, 0 to 1.
 
     The factor is of least squared error on held-out runs, times 1 - (s / f)^2, where s is its
-    standard error by the scatter between runs and f the factor itself (James and Stein 1961).
+    standard error by the scatter between units and f the factor itself (James and Stein 1961).
 
     Args:
       found: the method less the constant [m/s] in each run. wanted: the truth less the constant.
+        units: number of each run's unit, a run or a vehicle.
     """
-    products = np.array([x @ y for x, y in zip(found, wanted, strict=True)])
-    squares = np.array([x @ x for x in found])
+    products = np.bincount(units, [x @ y for x, y in zip(found, wanted, strict=True)])
+    squares = np.bincount(units, [x @ x for x in found])
     total, size, count = float(products.sum()), float(squares.sum()), products.size
     if count < 2 or total <= 0.0 or size <= 0.0:
         return 0.0
@@ -80,6 +81,9 @@ def combine(held: Sequence[Run], early: Sequence[Found], answers: Sequence[Found
     names = [name for name in answers[0] if all(name in one for one in answers)]
     others = [n for n in names if n not in (PLAIN, CONSTANT) and any(n in one for one in early)]
     every, count = [*early, *answers], len(held)
+    vehicles = [run.vehicle for run in held]
+    several = len(set(vehicles)) > 1
+    units = [vehicles.index(name) if several else k for k, name in enumerate(vehicles)]
     both = []
     for axis in (0, 1):
         rest = [one[CONSTANT][axis] for one in every]
@@ -89,10 +93,12 @@ def combine(held: Sequence[Run], early: Sequence[Found], answers: Sequence[Found
         rows = [run.moving & np.isfinite(one) for run, one in zip(held, wanted, strict=True)]
         truth = [one[good] for one, good in zip(wanted, rows, strict=True)]
         known = [one[:, good] for one, good in zip(off, rows, strict=False)]
-        gains = np.array([gain([x[k] for x in known], truth) for k in range(1 + len(others))])
+        gains = np.array(
+            [gain([x[k] for x in known], truth, units) for k in range(1 + len(others))]
+        )
         shrunk = [gains[:, None] * one for one in off]
         weights = weigh(gains[:, None] * np.concatenate(known, axis=1), np.concatenate(truth))
-        mine = [one[gains > 0.0] for one in off]
+        mine = [one[gains > 0.0] for one in shrunk]
         fitted = VelocityFilter.fit(wanted, mine[:count])
         both.append([
             rest[k] + np.vstack([shrunk[k], weights @ shrunk[k], fitted.velocity(mine[k])])

@@ -117,9 +117,10 @@ def test_networks_are_kept_for_the_next_call(tmp_path, monkeypatch):
 def test_a_method_is_kept_by_what_it_gains_in_every_held_out_run():
     wanted = [made(k).surge - 0.9 for k in range(5)]
     for scale, kept in ((1.0, 1.0), (2.0, 0.5), (-1.0, 0.0)):
-        assert gain([scale * off for off in wanted], wanted) == pytest.approx(kept)
+        assert gain([scale * off for off in wanted], wanted, range(5)) == pytest.approx(kept)
     signs = (1.0, -1.0, 1.0, -1.0, 0.1)
-    assert gain([sign * off for sign, off in zip(signs, wanted, strict=True)], wanted) < 0.1
+    by_chance = [sign * off for sign, off in zip(signs, wanted, strict=True)]
+    assert gain(by_chance, wanted, range(5)) < 0.1
 
 
 def test_the_filter_knows_more_than_each_of_its_measurements_and_nothing_of_later_ones():
