@@ -2,8 +2,8 @@
 
 One run is left out each time; every method knows the velocities of the vehicle's other runs alone.
 Then one vehicle is left out, and methods know the velocities of the other vehicles. Networks learn
-from these runs, from simulation, or from both. The combination weighs all methods, and the filter
-takes them as measurements, by their errors in training runs that are held out for that.
+from these runs, from simulation, or from both. The combination shrinks and weighs all methods by
+their errors in training runs that are held out for that.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import numpy as np
 from benchmarks.real_logs.propelled_combination import (
     COMBINED,
     FEW,
-    FILTERED,
     PLAIN,
     SHRUNK,
     Found,
@@ -58,8 +57,8 @@ PIECE = 120.0
 DEFAULT, FIRST = "default", "mean of the first half"
 STANDING_FIGURES = ("standing, found", "moving, taken for standing")
 FLOORS = ("own mean, in hindsight", "line in all channels, in hindsight")
-KEPT = (CONSTANT, COMBINED, FILTERED)
-"""Methods that are not shrunk: to a constant they have nothing to lose"""
+KEPT = (CONSTANT, COMBINED)
+"""Methods that are not shrunk further"""
 AROUND = (10.0, 30.0)
 """[s] Times around a sample whose means and noise the last line has"""
 
@@ -186,7 +185,7 @@ def methods_of(runs: Sequence[Run], found: Sequence[Found], axis: int, note: str
     for name in [n for n in found[0] if SHRUNK not in n and all(n in one for one in found)]:
         off = [f[name][axis] - (r.surge, r.sway)[axis] for r, f in zip(runs, found, strict=True)]
         errors = {k: off[n][span][runs[n].moving[span]] for k, (n, span) in enumerate(cut)}
-        learned = name in (*NETWORKS, COMBINED, FILTERED, DEFAULT)
+        learned = name in (*NETWORKS, COMBINED, DEFAULT)
         kind = "floor" if name in FLOORS else "network" if learned else "public method"
         methods.append(Method(name=name, kind=kind, note=note, errors=errors))
     return methods

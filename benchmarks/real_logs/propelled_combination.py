@@ -1,6 +1,6 @@
-"""Propelled combination: methods shrunk towards the constant speed, weighed together, or filtered.
+"""Propelled combination: methods shrunk towards the constant speed, then weighed together.
 
-Shrinkage, weights and the filter come from held-out training runs, never from a scored run.
+Shrinkage and weights come from held-out training runs, never from a scored run.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import nnls
 
-from benchmarks.real_logs.propelled_filter import VelocityFilter
 from benchmarks.real_logs.propelled_runs import Run
 from benchmarks.real_logs.propelled_speeds import CONSTANT
 from twin.navigation.dead_reckoning import Array
@@ -20,7 +19,7 @@ FEW = 4
 EQUAL = 0.02
 """[1] Pull of the combination's weights towards equal ones, as a fraction of the variance"""
 PLAIN = "constant speed, never standing"
-COMBINED, FILTERED, SHRUNK = "combination", "filter", ", shrunk"
+COMBINED, SHRUNK = "combination", ", shrunk"
 Found = dict[str, Array]
 """Surge and sway [m/s] of a run, (2, time), by method"""
 Parts = list[tuple[list[Run], list[Run]]]
@@ -53,8 +52,8 @@ def gain(found: Sequence[Array], wanted: Sequence[Array], units: Sequence[int]) 
     """
     products = np.bincount(units, [x @ y for x, y in zip(found, wanted, strict=True)])
     squares = np.bincount(units, [x @ x for x in found])
-    total, size, count = float(products.sum()), float(squares.sum()), products.size
-    if count < 2 or total <= 0.0 or size <= 0.0:
+    total, size, count = float(products.sum()), float(squares.sum()), np.count_nonzero(squares)
+    if count < 2 or total <= 0.0:
         return 0.0
     scatter = float(np.sum((products - total / size * squares) ** 2)) * count / (count - 1)
     return min(1.0, max(0.0, 1.0 - scatter / total**2) * total / size)
@@ -70,10 +69,10 @@ def weigh(each: Array, truth: Array) -> Array:
 
 
 def combine(held: Sequence[Run], early: Sequence[Found], answers: Sequence[Found]) -> list[Found]:
-    """Each method shrunk, the combination of these, and the filter of all, for each answer.
+    """Each method shrunk, and the combination of these, for each answer.
 
     A method without a held-out answer takes no part. A held-out run without its channels has the
-    constant speed instead. The filter has the methods that gain.
+    constant speed instead.
 
     Args:
       early: velocities of the held-out runs. answers: those of the left-out runs.
@@ -98,13 +97,11 @@ def combine(held: Sequence[Run], early: Sequence[Found], answers: Sequence[Found
         )
         shrunk = [gains[:, None] * one for one in off]
         weights = weigh(gains[:, None] * np.concatenate(known, axis=1), np.concatenate(truth))
-        mine = [one[gains > 0.0] for one in shrunk]
-        fitted = VelocityFilter.fit(wanted, mine[:count])
         both.append([
-            rest[k] + np.vstack([shrunk[k], weights @ shrunk[k], fitted.velocity(mine[k])])
-            for k in range(count, len(every))
+            base + np.vstack([one, weights @ one])
+            for base, one in zip(rest[count:], shrunk[count:], strict=True)
         ])  # fmt: skip
-    labels = [CONSTANT, *(name + SHRUNK for name in others), COMBINED, FILTERED]
+    labels = [CONSTANT, *(name + SHRUNK for name in others), COMBINED]
     return [
         dict(zip(labels, np.stack(pair, axis=1), strict=True)) for pair in zip(*both, strict=True)
     ]

@@ -36,7 +36,7 @@ SEED = 20221123
 """Seed of the bootstrap: intervals are the same in every run"""
 CENTRAL = (2.5, 97.5)
 """[%] Percentiles of a 95 % interval"""
-WIDEST = 10
+WIDEST = 9
 """Most columns of methods on the page; more stand in lines"""
 LEAST_DIVES = 4
 """Fewest dives for an interval"""
