@@ -12,6 +12,7 @@ from typing import Any
 
 from benchmarks.real_logs import (
     adcp,
+    attack,
     dvl,
     fixes,
     left_out,
@@ -36,6 +37,7 @@ SECTIONS = {
     "left-out": (left_out.TASK, left_out.RATIO),
     "fixes": (*RATES, fixes.TRACK),
     "propelled": propelled.TASKS,
+    "attack": attack.TASKS,
 }
 """Tasks of each section, which run together; each task is a table"""
 TASKS = (*(task for tasks in SECTIONS.values() for task in tasks), "skipped")
@@ -115,7 +117,9 @@ def run_benchmark(
         mapping(workers) as each,
     ):
         gliders = set(only) != {"propelled"}
-        deployments, skipped = gather(root, Path(work), say) if gliders else ([], [])
+        learned = networks and not set(only) <= {"propelled", "attack"}
+        least = int(set(only) != {"attack"})  # whose Doppler logs are no deployments
+        deployments, skipped = gather(root, Path(work), say, least) if gliders else ([], [])
         rows = [
             Row(task="skipped", data=part.name, method="", kind="skipped", note=part.why)
             for part in skipped
@@ -124,7 +128,7 @@ def run_benchmark(
             deployments=deployments, each=each, pretrained=None, say=say, root=root,
             folder=place or Path(work), networks=networks, seed=seed,
         )  # fmt: skip
-        if networks and gliders:
+        if learned:
             say(f"simulating {surge_networks.HOURS:g} h of missions and training on them")
             stores = surge_networks.simulate(Path(work), seed=seed, workers=workers)
             shared = dataclasses.replace(shared, pretrained=_pretrained(stores, seed, shared))
@@ -219,9 +223,23 @@ def _propelled(work: Work) -> list[Row]:
     ]
 
 
+def _attacks(work: Work) -> list[Row]:
+    work.say("angle of attack by Doppler logs, beside vehicles whose logs show their lift")
+    slocums = [d for d in work.deployments if d.kind == "slocum"]
+    found = work.run(functools.partial(attack.identified, one) for one in slocums)
+    vehicles = {k: v for one in found if not isinstance(one, Failure) for k, v in one.items()}
+    rows = [
+        failed(attack.BINS, one, why.why)
+        for one, why in zip(slocums, found, strict=True)
+        if isinstance(why, Failure)
+    ]
+    folders = sorted(work.root.glob("slocum_*"))
+    return [*rows, *(row for folder in folders for row in attack.rows_of(folder, vehicles))]
+
+
 JUDGES = {
     "speed": _speeds, "fixes": _fixes, "surge": _surges, "left-out": _left_out,
-    "propelled": _propelled,
+    "propelled": _propelled, "attack": _attacks,
 }  # fmt: skip
 """Function that computes the rows of each section"""
 

@@ -60,7 +60,7 @@ class Skipped:
 
 
 def gather(
-    root: Path, work: Path, say: Callable[[str], None]
+    root: Path, work: Path, say: Callable[[str], None], least: int = 1
 ) -> tuple[list[Deployment], list[Skipped]]:
     """Import every folder of logs below `root` into stores below `work`.
 
@@ -68,9 +68,10 @@ def gather(
       root: folder of folders whose names begin with the type of log.
       work: an existing folder for the stores.
       say: called with a text about each import.
+      least: fewest deployments.
 
     Raises:
-      InputError: no such folder, or no folder of logs in it.
+      InputError: no such folder, or fewer deployments in it.
     """
     if not root.is_dir():
         raise InputError(f"no folder {root}; give one that holds slocum_..., seaglider_... folders")
@@ -87,7 +88,7 @@ def gather(
             found += imported(logs_folder(folder), word, work)
         except TwinError as error:
             skipped.append(Skipped(folder.name, str(error)))
-    if not found:
+    if len(found) < least:
         names = ", ".join(sorted(KINDS))
         why = f" ({skipped[0].name}: {skipped[0].why})" if skipped else ""
         raise InputError(
