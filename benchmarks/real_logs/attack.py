@@ -13,14 +13,21 @@ Dives and climbs have equal weights, since a tilt of the mount raises one and lo
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.real_logs.ensembles import Ensembles, attack_by_pitch, mean_attack, read_ensembles
+from benchmarks.real_logs.ensembles import (
+    Ensembles,
+    MeanAttack,
+    attack_by_pitch,
+    mean_attack,
+    read_ensembles,
+)
 from benchmarks.real_logs.folds import thinned
-from benchmarks.real_logs.row import Interval, Kind, Row, central
+from benchmarks.real_logs.row import Row, central
 from benchmarks.real_logs.source import Deployment
 from twin.errors import InputError
 from twin.identify import identify, load_calibration
@@ -30,14 +37,15 @@ from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 BINS, LEFT_OUT = "angle of attack by pitch", "angle of attack, one yo left out"
 TASKS = (BINS, LEFT_OUT)
-UNIT = "degree"
 SHIPPED, PUBLISHED = "slocum-1000", 0.15
 """Vehicle that is judged; drag coefficient of a Slocum on 0.1 m2 as published, the default of
 gliderflight (Merckelbach et al. 2019), with lift and induced drag as the vehicle file has them"""
 AREA = 0.1
 """[m2] Reference area of the coefficient"""
-CONSTANT = 3.0
-"""[degree] Constant angle of attack (OceanGliders)"""
+Model = Callable[[float], float]
+"""Angle of attack [degree], positive in dives, at a pitch [degree]"""
+CONSTANT: dict[str, Model] = {"constant 3 deg": lambda pitch: -math.copysign(3.0, pitch)}
+"""Constant angle of attack (OceanGliders)"""
 THRESHOLDS = {"Doppler log": 1.0, "half the thresholds": 0.5, "twice the thresholds": 2.0}
 """Factor on the thresholds of the screens, by method"""
 STEEP, FEW = 15.0, 30
@@ -67,12 +75,15 @@ def lift_ratio(yos: Sequence[Ensembles], induced: float) -> float:
       induced: K_D / K_alpha [1/rad].
     """
     both = Ensembles(*(np.concatenate(values) for values in zip(*yos, strict=True)))
-    sides = [mean_attack(both.where(side * both.pitch > STEEP)) for side in (-1.0, 1.0)]
-    attack, pitch = (
-        math.radians(0.5 * (down - up))
-        for down, up in ((sides[0].attack, sides[1].attack), (-sides[0].pitch, -sides[1].pitch))
-    )
-    return 1.0 / (attack * math.tan(pitch + attack) - induced * attack**2)
+    down, up = _sides(both)
+    attack, pitch = np.radians(0.5 * np.array([down.attack - up.attack, up.pitch - down.pitch]))
+    return float(1.0 / (attack * np.tan(pitch + attack) - induced * attack**2))
+
+
+def _sides(found: Ensembles) -> tuple[MeanAttack, MeanAttack]:
+    """Mean angles of attack of dives and of climbs."""
+    down, up = (mean_attack(found.where(side * found.pitch > STEEP)) for side in (-1.0, 1.0))
+    return down, up
 
 
 def identified(deployment: Deployment) -> dict[str, Vehicle]:
@@ -99,11 +110,13 @@ def rows_of(folder: Path, vehicles: Mapping[str, Vehicle]) -> list[Row]:
             name = f"{folder.name}/{path.stem}"
             rows.append(Row(task=BINS, data=name, method="", kind="skipped", note=str(error)))
     whole = {
-        name: found
-        for name, found in yos.items()
-        if min((side * found.pitch > STEEP).sum() for side in (-1.0, 1.0)) >= FEW
+        name: yo
+        for name, yo in yos.items()
+        if min((side * yo.pitch > STEEP).sum() for side in (-1.0, 1.0)) >= FEW
     }
-    return [*rows, *(row for name in whole if len(whole) > 1 for row in _left_out(name, whole))]
+    for name, yo in whole.items() if len(whole) > 1 else ():
+        rows += _left_out(name, yo, [other for other in whole.values() if other is not yo])
+    return rows
 
 
 def _bins(path: Path, vehicles: Mapping[str, Vehicle]) -> list[Row]:
@@ -111,66 +124,50 @@ def _bins(path: Path, vehicles: Mapping[str, Vehicle]) -> list[Row]:
     found = {
         name: attack_by_pitch(read_ensembles(path, scale)) for name, scale in THRESHOLDS.items()
     }
+    models = {name: partial(glide_angle_of_attack, one) for name, one in vehicles.items()}
     rows = []
     for key, one in found["Doppler log"].items():
-        low, high = sorted((abs(key), abs(key + 1)))
-        data = f"{path.stem}, {low} to {high} deg nose {'down' if key < 0 else 'up'}"
-        for name, bins in found.items():
-            if key in bins:
-                mean = bins[key]
-                note = f"pitch {mean.pitch:.1f} deg, surge {mean.surge:.3f} m/s"
-                rows.append(_row(BINS, data, name, "truth", mean.attack, mean.interval,
-                                 mean.ensembles, mean.minutes, note))  # fmt: skip
-        flown = {name: glide_angle_of_attack(each, one.pitch) for name, each in vehicles.items()}
-        flown["constant 3 deg"] = -math.copysign(CONSTANT, one.pitch)
-        for name, angle in flown.items():
-            kind: Kind = "twin" if name in vehicles else "public method"
+        steep, side = sorted((abs(key), abs(key + 1))), "down" if key < 0 else "up"
+        put = partial(
+            Row, task=BINS, data=f"{path.stem}, {steep[0]} to {steep[1]} deg nose {side}",
+            unit="degree", samples=one.ensembles, dives=one.minutes,
+        )  # fmt: skip
+        for name, mean in ((name, bins[key]) for name, bins in found.items() if key in bins):
+            note = f"pitch {mean.pitch:.1f} deg, surge {mean.surge:.3f} m/s, {mean.ensembles} of it"
+            low, high = central(mean.draws)
+            rows.append(
+                put(method=name, kind="truth", value=mean.attack, low=low, high=high, note=note)
+            )
+        for name, model in {**models, **CONSTANT}.items():
+            angle = model(one.pitch)
             note = f"{(angle / one.attack - 1.0):+.0%} of the Doppler log's"
-            rows.append(_row(BINS, data, name, kind, angle, None, one.ensembles, one.minutes, note))
+            rows.append(put(method=name, kind="twin", value=angle, note=note))
     return rows
 
 
-def _left_out(name: str, yos: Mapping[str, Ensembles]) -> list[Row]:
+def _left_out(name: str, yo: Ensembles, others: Sequence[Ensembles]) -> list[Row]:
     """Rows of one yo: mean angle by models less the Doppler log's, dives and climbs averaged."""
-    vehicle, yo = load_vehicle(SHIPPED), yos[name]
+    vehicle, (down, up) = load_vehicle(SHIPPED), _sides(yo)
     law = vehicle.flow_frame
-    others = [found for other, found in yos.items() if other != name]
-    ratio = lift_ratio(others, law.drag[1] / law.lift[1])
-    drag = 0.5 * vehicle.reference_density * AREA * PUBLISHED
-    models: dict[str, tuple[Kind, Vehicle, str]] = {
-        "ratio of the other yos": ("twin", with_ratio(vehicle, ratio), f"lift ratio {ratio:.1f}"),
-        SHIPPED: ("twin", vehicle, f"lift ratio {law.lift[1] / law.drag[0]:.1f}"),
-        f"published drag, {PUBLISHED:g}": (
-            "public method", with_ratio(vehicle, law.lift[1] / drag),
-            f"lift ratio {law.lift[1] / drag:.1f}",
-        ),
-    }  # fmt: skip
-    sides = {side: mean_attack(yo.where(side * yo.pitch > STEEP)) for side in (-1.0, 1.0)}
-    draws = 0.5 * (sides[-1.0].draws - sides[1.0].draws)
-    measured = 0.5 * (sides[-1.0].attack - sides[1.0].attack)
-    count, minutes = (
-        sum(getattr(one, what) for one in sides.values()) for what in ("ensembles", "minutes")
-    )
+    ratios = {
+        "ratio of the other yos": lift_ratio(others, law.drag[1] / law.lift[1]),
+        SHIPPED: law.lift[1] / law.drag[0],
+        f"published drag, {PUBLISHED:g}": law.lift[1]
+        / (0.5 * vehicle.reference_density * AREA * PUBLISHED),
+    }
+    models: dict[str, Model] = {
+        method: partial(glide_angle_of_attack, with_ratio(vehicle, ratio))
+        for method, ratio in ratios.items()
+    }
     rows = []
-    for method, (kind, model, note) in models.items():
-        angles = [abs(glide_angle_of_attack(model, one.pitch)) for one in sides.values()]
-        error, interval = float(np.mean(angles)) - measured, central(np.mean(angles) - draws)
-        rows.append(_row(LEFT_OUT, name, method, kind, error, interval, count, minutes, note))
-    error, interval = CONSTANT - measured, central(CONSTANT - draws)
-    note = f"the Doppler log's is {measured:.2f} deg"
-    method = "constant 3 deg"
-    rows.append(
-        _row(LEFT_OUT, name, method, "public method", error, interval, count, minutes, note)
-    )
+    for method, model in {**models, **CONSTANT}.items():
+        angle = 0.5 * (model(down.pitch) - model(up.pitch))
+        low, high = central(angle - 0.5 * (down.draws - up.draws))
+        error = angle - 0.5 * (down.attack - up.attack)
+        note = f"lift ratio {ratios[method]:.1f}" if method in ratios else ""
+        rows.append(Row(
+            task=LEFT_OUT, data=name, method=method, kind="twin", value=error, low=low, high=high,
+            unit="degree", samples=down.ensembles + up.ensembles, dives=down.minutes + up.minutes,
+            note=note,
+        ))  # fmt: skip
     return rows
-
-
-def _row(
-    task: str, data: str, method: str, kind: Kind, value: float, interval: Interval | None,
-    samples: int, minutes: int, note: str,
-) -> Row:  # fmt: skip
-    low, high = interval or (math.nan, math.nan)
-    return Row(
-        task=task, data=data, method=method, kind=kind, value=value, low=low, high=high, unit=UNIT,
-        samples=samples, dives=minutes, note=note,
-    )  # fmt: skip

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.real_logs.row import CENTRAL, DRAWS, SEED, Interval
+from benchmarks.real_logs.row import DRAWS, SEED
 from factory.importing.doppler.hull_velocity import hull_velocity
 from factory.importing.doppler.pd0 import read_pd0
 from factory.importing.doppler.screens import Thresholds
@@ -32,11 +32,6 @@ class Ensembles(NamedTuple):
     """[m/s] Forward, through the water"""
     heave: Array
     """[m/s] Down, through the water"""
-
-    @property
-    def attack(self) -> Array:
-        """[degree] Angle of attack of each ensemble, positive in dives."""
-        return np.asarray(np.degrees(np.arctan2(self.heave, self.surge)))
 
     def where(self, use: Array) -> Ensembles:
         """Select ensembles by a mask, (ensembles,)."""
@@ -72,12 +67,6 @@ class MeanAttack(NamedTuple):
     """[m/s] Mean"""
     ensembles: int
     minutes: int
-
-    @property
-    def interval(self) -> Interval:
-        """[degree] Limits of the 95 % interval."""
-        low, high = np.percentile(self.draws, CENTRAL)
-        return float(low), float(high)
 
 
 def mean_attack(found: Ensembles) -> MeanAttack:
