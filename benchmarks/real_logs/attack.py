@@ -19,13 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.real_logs.ensembles import (
-    Ensembles,
-    MeanAttack,
-    attack_by_pitch,
-    mean_attack,
-    read_ensembles,
-)
+from benchmarks.real_logs.ensembles import Ensembles, attack_by_pitch, both_sides, read_ensembles
 from benchmarks.real_logs.folds import thinned
 from benchmarks.real_logs.row import Row, central
 from benchmarks.real_logs.source import Deployment
@@ -37,19 +31,16 @@ from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 BINS, LEFT_OUT = "angle of attack by pitch", "angle of attack, one yo left out"
 TASKS = (BINS, LEFT_OUT)
-SHIPPED, PUBLISHED = "slocum-1000", 0.15
-"""Vehicle that is judged; drag coefficient of a Slocum on 0.1 m2 as published, the default of
-gliderflight (Merckelbach et al. 2019), with lift and induced drag as the vehicle file has them"""
-AREA = 0.1
-"""[m2] Reference area of the coefficient"""
+SHIPPED, PUBLISHED = "slocum-1000", 7.53 / 0.15
+"""Vehicle that is judged; lift slope over drag as published (Merckelbach et al. 2010, 2019)"""
 Model = Callable[[float], float]
 """Angle of attack [degree], positive in dives, at a pitch [degree]"""
 CONSTANT: dict[str, Model] = {"constant 3 deg": lambda pitch: -math.copysign(3.0, pitch)}
 """Constant angle of attack (OceanGliders)"""
 THRESHOLDS = {"Doppler log": 1.0, "half the thresholds": 0.5, "twice the thresholds": 2.0}
 """Factor on the thresholds of the screens, by method"""
-STEEP, FEW = 15.0, 30
-"""[degree] Pitch beyond which a hull glides; fewest ensembles of a dive and of a climb"""
+FEW = 30
+"""Fewest ensembles of a dive and of a climb"""
 
 
 def glide_angle_of_attack(vehicle: Vehicle, pitch: float) -> float:
@@ -75,15 +66,9 @@ def lift_ratio(yos: Sequence[Ensembles], induced: float) -> float:
       induced: K_D / K_alpha [1/rad].
     """
     both = Ensembles(*(np.concatenate(values) for values in zip(*yos, strict=True)))
-    down, up = _sides(both)
+    down, up = both_sides(both)
     attack, pitch = np.radians(0.5 * np.array([down.attack - up.attack, up.pitch - down.pitch]))
     return float(1.0 / (attack * np.tan(pitch + attack) - induced * attack**2))
-
-
-def _sides(found: Ensembles) -> tuple[MeanAttack, MeanAttack]:
-    """Mean angles of attack of dives and of climbs."""
-    down, up = (mean_attack(found.where(side * found.pitch > STEEP)) for side in (-1.0, 1.0))
-    return down, up
 
 
 def identified(deployment: Deployment) -> dict[str, Vehicle]:
@@ -109,11 +94,7 @@ def rows_of(folder: Path, vehicles: Mapping[str, Vehicle]) -> list[Row]:
         except InputError as error:
             name = f"{folder.name}/{path.stem}"
             rows.append(Row(task=BINS, data=name, method="", kind="skipped", note=str(error)))
-    whole = {
-        name: yo
-        for name, yo in yos.items()
-        if min((side * yo.pitch > STEEP).sum() for side in (-1.0, 1.0)) >= FEW
-    }
+    whole = {name: yo for name, yo in yos.items() if min(m.sum() for m in yo.sides) >= FEW}
     for name, yo in whole.items() if len(whole) > 1 else ():
         rows += _left_out(name, yo, [other for other in whole.values() if other is not yo])
     return rows
@@ -147,20 +128,16 @@ def _bins(path: Path, vehicles: Mapping[str, Vehicle]) -> list[Row]:
 
 def _left_out(name: str, yo: Ensembles, others: Sequence[Ensembles]) -> list[Row]:
     """Rows of one yo: mean angle by models less the Doppler log's, dives and climbs averaged."""
-    vehicle, (down, up) = load_vehicle(SHIPPED), _sides(yo)
+    vehicle, (down, up) = load_vehicle(SHIPPED), both_sides(yo)
     law = vehicle.flow_frame
     ratios = {
         "ratio of the other yos": lift_ratio(others, law.drag[1] / law.lift[1]),
         SHIPPED: law.lift[1] / law.drag[0],
-        f"published drag, {PUBLISHED:g}": law.lift[1]
-        / (0.5 * vehicle.reference_density * AREA * PUBLISHED),
+        "published ratio": PUBLISHED,
     }
-    models: dict[str, Model] = {
-        method: partial(glide_angle_of_attack, with_ratio(vehicle, ratio))
-        for method, ratio in ratios.items()
-    }
+    flown = {k: partial(glide_angle_of_attack, with_ratio(vehicle, r)) for k, r in ratios.items()}
     rows = []
-    for method, model in {**models, **CONSTANT}.items():
+    for method, model in {**flown, **CONSTANT}.items():
         angle = 0.5 * (model(down.pitch) - model(up.pitch))
         low, high = central(angle - 0.5 * (down.draws - up.draws))
         error = angle - 0.5 * (down.attack - up.attack)

@@ -17,6 +17,8 @@ LEAST = 300
 """Fewest ensembles of a bin of pitch."""
 WIDTH = 1.0
 """[degree] Width of a bin of pitch."""
+STEEP = 15.0
+"""[degree] Pitch beyond which a hull glides."""
 MINUTE = 60.0
 """[s] Samples within it share water and errors; the bootstrap draws whole minutes."""
 
@@ -32,6 +34,11 @@ class Ensembles(NamedTuple):
     """[m/s] Forward, through the water"""
     heave: Array
     """[m/s] Down, through the water"""
+
+    @property
+    def sides(self) -> tuple[Array, Array]:
+        """Masks of dives and of climbs, (ensembles,) each."""
+        return self.pitch < -STEEP, self.pitch > STEEP
 
     def where(self, use: Array) -> Ensembles:
         """Select ensembles by a mask, (ensembles,)."""
@@ -80,6 +87,12 @@ def mean_attack(found: Ensembles) -> MeanAttack:
         draws=np.degrees(np.arctan2(*sums[:, drawn].sum(axis=2))),
         surge=float(found.surge.mean()), ensembles=len(found.time), minutes=sums.shape[1],
     )  # fmt: skip
+
+
+def both_sides(found: Ensembles) -> tuple[MeanAttack, MeanAttack]:
+    """Average the velocities of dives, and of climbs."""
+    down, up = (mean_attack(found.where(side)) for side in found.sides)
+    return down, up
 
 
 def attack_by_pitch(

@@ -59,7 +59,7 @@ def test_rows_have_bins_left_out_yos_and_the_reason_of_a_bad_file(folder):
     for name in ("yo0", "yo1", "yo2"):
         # the mean of a dive and of a climb with the other tilt: two hundredths of a degree
         assert errors[name, "ratio of the other yos"].value == pytest.approx(0.0, abs=0.05)
-        assert errors[name, "published drag, 0.15"].value < errors[name, "slocum-1000"].value < -0.5
+        assert errors[name, "published ratio"].value < errors[name, "slocum-1000"].value < -0.5
 
 
 def test_the_section_needs_no_other_logs(folder, capsys):
