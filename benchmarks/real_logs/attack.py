@@ -20,25 +20,21 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.real_logs.ensembles import Ensembles, attack_by_pitch, both_sides, read_ensembles
-from benchmarks.real_logs.folds import thinned
 from benchmarks.real_logs.row import Row, central
-from benchmarks.real_logs.source import Deployment
 from twin.errors import InputError
-from twin.identify import identify, load_calibration
-from twin.identify.logged_missions import start_vehicle
 from twin.mission.glide_balance import steady_glide
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 BINS, LEFT_OUT = "angle of attack by pitch", "angle of attack, one yo left out"
 TASKS = (BINS, LEFT_OUT)
-SHIPPED, PUBLISHED = "slocum-1000", 7.53 / 0.15
-"""Vehicle that is judged; lift slope over drag as published (Merckelbach et al. 2010, 2019)"""
+SHIPPED, PUBLISHED = ("slocum-1000", "slocum-200"), 7.53 / 0.15
+"""Vehicles that are judged; lift slope over drag as published (Merckelbach et al. 2010, 2019)"""
 Model = Callable[[float], float]
 """Angle of attack [degree], positive in dives, at a pitch [degree]"""
 CONSTANT: dict[str, Model] = {"constant 3 deg": lambda pitch: -math.copysign(3.0, pitch)}
 """Constant angle of attack (OceanGliders)"""
-THRESHOLDS = {"Doppler log": 1.0, "half the thresholds": 0.5, "twice the thresholds": 2.0}
-"""Factor on the thresholds of the screens, by method"""
+THRESHOLDS = {"Doppler log": 1.0, "twice the thresholds": 2.0, "half the thresholds": 0.5}
+"""Factor on the thresholds of the screens, by method; the tightest may leave nothing"""
 FEW = 30
 """Fewest ensembles of a dive and of a climb"""
 
@@ -71,55 +67,46 @@ def lift_ratio(yos: Sequence[Ensembles], induced: float) -> float:
     return float(1.0 / (attack * np.tan(pitch + attack) - induced * attack**2))
 
 
-def identified(deployment: Deployment) -> dict[str, Vehicle]:
-    """Vehicle of a log, by name, if the log determines its lift; errors as `identify`."""
-    rows = thinned([log.index for log in deployment.logs()])
-    nominal = load_calibration(start_vehicle(deployment.store))
-    found = identify(deployment.logs(rows), nominal)
-    known = "lift_ratio" in found.determined
-    return {f"identified, {deployment.name}": found.calibration.vehicle} if known else {}
-
-
-def rows_of(folder: Path, vehicles: Mapping[str, Vehicle]) -> list[Row]:
-    """Rows of the PD0 files of a folder, which belong to one vehicle; a reason for each bad file.
-
-    Args:
-      vehicles: identified vehicles to be set beside, by name.
-    """
+def rows_of(folder: Path) -> list[Row]:
+    """Rows of a folder's PD0 files, which are of one vehicle; a reason for each bad file."""
     rows, yos = [], {}
+    models: dict[str, Model] = {
+        name: partial(glide_angle_of_attack, load_vehicle(name)) for name in SHIPPED
+    }
     for path in sorted(p for p in folder.iterdir() if p.suffix.lower() == ".pd0"):
-        try:
-            yos[path.stem] = read_ensembles(path)
-            rows += _bins(path, {SHIPPED: load_vehicle(SHIPPED), **vehicles})
-        except InputError as error:
-            name = f"{folder.name}/{path.stem}"
-            rows.append(Row(task=BINS, data=name, method="", kind="skipped", note=str(error)))
+        found: dict[str, Ensembles] = {}
+        for name, scale in THRESHOLDS.items():
+            try:
+                found[name] = read_ensembles(path, scale)
+            except InputError as error:
+                data = f"{folder.name}/{path.stem}, {name}"
+                rows.append(Row(task=BINS, data=data, method="", kind="skipped", note=str(error)))
+                break
+        if found:
+            yos[path.stem] = next(iter(found.values()))
+            rows += _bins(path.stem, found, models | CONSTANT)
     whole = {name: yo for name, yo in yos.items() if min(m.sum() for m in yo.sides) >= FEW}
     for name, yo in whole.items() if len(whole) > 1 else ():
         rows += _left_out(name, yo, [other for other in whole.values() if other is not yo])
     return rows
 
 
-def _bins(path: Path, vehicles: Mapping[str, Vehicle]) -> list[Row]:
-    """Rows of one file: angle of attack of each bin of pitch, by each method."""
-    found = {
-        name: attack_by_pitch(read_ensembles(path, scale)) for name, scale in THRESHOLDS.items()
-    }
-    models = {name: partial(glide_angle_of_attack, one) for name, one in vehicles.items()}
-    rows = []
-    for key, one in found["Doppler log"].items():
+def _bins(stem: str, found: Mapping[str, Ensembles], models: Mapping[str, Model]) -> list[Row]:
+    """Rows of one file: angle of attack of each bin of pitch, by each threshold and model."""
+    rows, bins = [], {name: attack_by_pitch(one) for name, one in found.items()}
+    for key, one in next(iter(bins.values())).items():
         steep, side = sorted((abs(key), abs(key + 1))), "down" if key < 0 else "up"
         put = partial(
-            Row, task=BINS, data=f"{path.stem}, {steep[0]} to {steep[1]} deg nose {side}",
+            Row, task=BINS, data=f"{stem}, {steep[0]} to {steep[1]} deg nose {side}",
             unit="degree", samples=one.ensembles, dives=one.minutes,
         )  # fmt: skip
-        for name, mean in ((name, bins[key]) for name, bins in found.items() if key in bins):
-            note = f"pitch {mean.pitch:.1f} deg, surge {mean.surge:.3f} m/s, {mean.ensembles} of it"
+        for name, mean in ((name, means[key]) for name, means in bins.items() if key in means):
             low, high = central(mean.draws)
+            note = f"pitch {mean.pitch:.1f} deg, {mean.ensembles} ensembles"
             rows.append(
                 put(method=name, kind="truth", value=mean.attack, low=low, high=high, note=note)
             )
-        for name, model in {**models, **CONSTANT}.items():
+        for name, model in models.items():
             angle = model(one.pitch)
             note = f"{(angle / one.attack - 1.0):+.0%} of the Doppler log's"
             rows.append(put(method=name, kind="twin", value=angle, note=note))
@@ -128,11 +115,12 @@ def _bins(path: Path, vehicles: Mapping[str, Vehicle]) -> list[Row]:
 
 def _left_out(name: str, yo: Ensembles, others: Sequence[Ensembles]) -> list[Row]:
     """Rows of one yo: mean angle by models less the Doppler log's, dives and climbs averaged."""
-    vehicle, (down, up) = load_vehicle(SHIPPED), both_sides(yo)
-    law = vehicle.flow_frame
+    (down, up), vehicle = both_sides(yo), load_vehicle(SHIPPED[0])
+    induced = vehicle.flow_frame.drag[1] / vehicle.flow_frame.lift[1]
+    laws = {name: load_vehicle(name).flow_frame for name in SHIPPED}
     ratios = {
-        "ratio of the other yos": lift_ratio(others, law.drag[1] / law.lift[1]),
-        SHIPPED: law.lift[1] / law.drag[0],
+        "ratio of the other yos": lift_ratio(others, induced),
+        **{name: law.lift[1] / law.drag[0] for name, law in laws.items()},
         "published ratio": PUBLISHED,
     }
     flown = {k: partial(glide_angle_of_attack, with_ratio(vehicle, r)) for k, r in ratios.items()}

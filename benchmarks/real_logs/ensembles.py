@@ -70,8 +70,6 @@ class MeanAttack(NamedTuple):
     draws: Array
     """[degree] The same of bootstrap samples of whole minutes, (draws,); a tilt of the mount that
     is not known adds to all, alike in dives and climbs"""
-    surge: float
-    """[m/s] Mean"""
     ensembles: int
     minutes: int
 
@@ -85,7 +83,7 @@ def mean_attack(found: Ensembles) -> MeanAttack:
         pitch=float(found.pitch.mean()),
         attack=float(np.degrees(np.arctan2(*sums.sum(axis=1)))),
         draws=np.degrees(np.arctan2(*sums[:, drawn].sum(axis=2))),
-        surge=float(found.surge.mean()), ensembles=len(found.time), minutes=sums.shape[1],
+        ensembles=len(found.time), minutes=sums.shape[1],
     )  # fmt: skip
 
 
@@ -95,13 +93,11 @@ def both_sides(found: Ensembles) -> tuple[MeanAttack, MeanAttack]:
     return down, up
 
 
-def attack_by_pitch(
-    found: Ensembles, *, width: float = WIDTH, least: int = LEAST
-) -> dict[int, MeanAttack]:
+def attack_by_pitch(found: Ensembles, least: int = LEAST) -> dict[int, MeanAttack]:
     """Angle of attack in bins of pitch with enough ensembles, nose down first.
 
     A key is the bin's least pitch in widths [degree].
     """
-    bins = np.floor(found.pitch / width).astype(int)
+    bins = np.floor(found.pitch / WIDTH).astype(int)
     counts = zip(*np.unique(bins, return_counts=True), strict=True)
     return {int(k): mean_attack(found.where(bins == k)) for k, n in counts if n >= least}

@@ -116,10 +116,8 @@ def run_benchmark(
         tempfile.TemporaryDirectory(prefix="glider-benchmark-") as work,
         mapping(workers) as each,
     ):
-        gliders = set(only) != {"propelled"}
-        learned = networks and not set(only) <= {"propelled", "attack"}
-        least = int(set(only) != {"attack"})  # whose Doppler logs are no deployments
-        deployments, skipped = gather(root, Path(work), say, least) if gliders else ([], [])
+        gliders = not set(only) <= {"propelled", "attack"}
+        deployments, skipped = gather(root, Path(work), say) if gliders else ([], [])
         rows = [
             Row(task="skipped", data=part.name, method="", kind="skipped", note=part.why)
             for part in skipped
@@ -128,7 +126,7 @@ def run_benchmark(
             deployments=deployments, each=each, pretrained=None, say=say, root=root,
             folder=place or Path(work), networks=networks, seed=seed,
         )  # fmt: skip
-        if learned:
+        if networks and gliders:
             say(f"simulating {surge_networks.HOURS:g} h of missions and training on them")
             stores = surge_networks.simulate(Path(work), seed=seed, workers=workers)
             shared = dataclasses.replace(shared, pretrained=_pretrained(stores, seed, shared))
@@ -224,17 +222,8 @@ def _propelled(work: Work) -> list[Row]:
 
 
 def _attacks(work: Work) -> list[Row]:
-    work.say("angle of attack by Doppler logs, beside vehicles whose logs show their lift")
-    slocums = [d for d in work.deployments if d.kind == "slocum"]
-    found = work.run(functools.partial(attack.identified, one) for one in slocums)
-    vehicles = {k: v for one in found if not isinstance(one, Failure) for k, v in one.items()}
-    rows = [
-        failed(attack.BINS, one, why.why)
-        for one, why in zip(slocums, found, strict=True)
-        if isinstance(why, Failure)
-    ]
-    folders = sorted(work.root.glob("slocum_*"))
-    return [*rows, *(row for folder in folders for row in attack.rows_of(folder, vehicles))]
+    work.say("angle of attack by Doppler logs")
+    return [row for folder in sorted(work.root.glob("slocum_*")) for row in attack.rows_of(folder)]
 
 
 JUDGES = {

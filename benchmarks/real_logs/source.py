@@ -60,7 +60,7 @@ class Skipped:
 
 
 def gather(
-    root: Path, work: Path, say: Callable[[str], None], least: int = 1
+    root: Path, work: Path, say: Callable[[str], None]
 ) -> tuple[list[Deployment], list[Skipped]]:
     """Import every folder of logs below `root` into stores below `work`.
 
@@ -68,10 +68,9 @@ def gather(
       root: folder of folders whose names begin with the type of log.
       work: an existing folder for the stores.
       say: called with a text about each import.
-      least: fewest deployments.
 
     Raises:
-      InputError: no such folder, or fewer deployments in it.
+      InputError: no such folder, or no folder of logs in it.
     """
     if not root.is_dir():
         raise InputError(f"no folder {root}; give one that holds slocum_..., seaglider_... folders")
@@ -88,7 +87,7 @@ def gather(
             found += imported(logs_folder(folder), word, work)
         except TwinError as error:
             skipped.append(Skipped(folder.name, str(error)))
-    if len(found) < least:
+    if not found:
         names = ", ".join(sorted(KINDS))
         why = f" ({skipped[0].name}: {skipped[0].why})" if skipped else ""
         raise InputError(
