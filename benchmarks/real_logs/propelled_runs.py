@@ -152,7 +152,7 @@ def gather(root: Path) -> tuple[dict[str, list[Run]], dict[str, str]]:
     readers: dict[str, tuple[str, Callable[[Path], list[Run]]]] = {
         "Iver2": ("auv_iver2*", iver2),
         "Sailfish": ("auv_sailfish*", partial(imported, "csv", "Sailfish", mapping="sailfish")),
-        "LAUV": ("auv_lauv*", partial(imported, "lsf", "LAUV")),
+        "LAUV": ("auv_lauv*", partial(imported, "lsf", "LAUV", truth="measured_bottom")),
         "REMUS-600": (
             "auv_remus600*",
             partial(imported, "pd0", "REMUS-600", truth="measured_bottom"),

@@ -28,6 +28,7 @@ MEASURED = Path(__file__).with_name("measured.json")
 compares docs/results/real_logs.md with them"""
 UNITS = {
     "m s-1": ("cm/s", 100.0, 2), "m h-1": ("m/h", 1.0, 0), "1": ("ratio", 1.0, 2),
+    "m s-1 mean": ("cm/s", 100.0, 2), "m s-1 sd": ("cm/s", 100.0, 2), "1 dive": ("ratio", 1.0, 2),
     "%": ("%", 1.0, 1), "degree": ("deg", 1.0, 2),
 }  # fmt: skip
 """Unit on the page, factor and digits, by the unit of a row"""
@@ -270,7 +271,7 @@ def markdown(rows: Sequence[Row], task: str) -> str:
     mine = [row for row in rows if row.task == task and row.kind not in hidden]
     data = list(dict.fromkeys(row.data for row in mine))
     methods = list(dict.fromkeys(row.method for row in mine))
-    cells = {(row.data, row.method): _cell(row, best(mine)) for row in mine}
+    cells = {(row.data, row.method): cell(row, best(mine)) for row in mine}
     unit = UNITS[mine[0].unit][0]
     if len(methods) > WIDEST and len(data) > 1:
         sizes = [_samples(next(row for row in mine if row.data == name)) for name in data]
@@ -295,7 +296,7 @@ def markdown(rows: Sequence[Row], task: str) -> str:
     return markdown_table(head, body)
 
 
-def _cell(row: Row, winners: Sequence[Row]) -> str:
+def cell(row: Row, winners: Sequence[Row]) -> str:
     _, factor, digits = UNITS[row.unit]
     text = f"{factor * row.value:.{digits}f}"
     if any(row is one for one in winners):

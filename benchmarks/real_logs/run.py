@@ -19,6 +19,7 @@ from benchmarks.real_logs import (
     propelled,
     propelled_networks,
     propelled_runs,
+    stated,
     surge_networks,
 )
 from benchmarks.real_logs.row import Row
@@ -34,6 +35,7 @@ RATES = (fixes.RATE, fixes.RATE_GLIDING, fixes.RATE_LATER, fixes.RATE_FACTORY)
 SECTIONS = {
     "speed": (dvl.TASK,),
     "surge": (adcp.TASK,),
+    "stated": (stated.TASK,),
     "left-out": (left_out.TASK, left_out.RATIO),
     "fixes": (*RATES, fixes.TRACK),
     "propelled": propelled.TASKS,
@@ -181,6 +183,17 @@ def _surges(work: Work) -> list[Row]:
     )
 
 
+def _stated(work: Work) -> list[Row]:
+    work.say("speed, beside the deviation that twin flight states")
+    rows = _by_folds(
+        stated.TASK,
+        work,
+        jobs_of=lambda one: [functools.partial(stated.rows_of, one)],
+        rows_of=lambda deployment, found: found[0],
+    )
+    return [*rows, *stated.pd0_rows(work.root)]
+
+
 def _left_out(work: Work) -> list[Row]:
     work.say("one deployment left out: speed by what was learned on the others")
     found = work.run(functools.partial(left_out.prepare, one) for one in work.deployments)
@@ -228,7 +241,7 @@ def _attacks(work: Work) -> list[Row]:
 
 JUDGES = {
     "speed": _speeds, "fixes": _fixes, "surge": _surges, "left-out": _left_out,
-    "propelled": _propelled, "attack": _attacks,
+    "propelled": _propelled, "attack": _attacks, "stated": _stated,
 }  # fmt: skip
 """Function that computes the rows of each section"""
 

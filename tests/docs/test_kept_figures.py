@@ -74,7 +74,7 @@ def test_a_changed_digit_shows(figures):
         ),
         ("performance.md", "36 000 to 79 000", "36 000 to 79 100"),
         ("performance.md", "15 min 50 s", "15 min 51 s"),
-        ("evidence.md", "| networks from 200 h | 0.005 %", "| networks from 200 h | 0.006 %"),
+        ("truth.md", "| networks from 200 h | 0.005 %", "| networks from 200 h | 0.006 %"),
     ]:
         text = (RESULTS / page).read_text(encoding="utf-8")
         assert text.count(old) == 1
@@ -108,6 +108,7 @@ def test_every_table_stands_on_the_page(monkeypatch):
     """`python -m benchmarks.real_logs FOLDER --keep` wrote what the page shows."""
     monkeypatch.syspath_prepend(str(ROOT))
     from benchmarks.real_logs.row import NOT_COMPARED, kept, markdown
+    from benchmarks.real_logs.truth import table
 
     rows = kept()
     tasks = dict.fromkeys(row.task for row in rows if row.kind not in NOT_COMPARED)
@@ -117,6 +118,8 @@ def test_every_table_stands_on_the_page(monkeypatch):
     assert not missing, (
         f"docs/results/real_logs.md differs from benchmarks/real_logs/measured.json: {missing}"
     )
+    assert table(rows) in (RESULTS / "truth.md").read_text(encoding="utf-8")
+    assert not re.search("corrected|hindsight", table(rows))
 
 
 # --- What the evidence claims of speed stands in docs/results/performance.md, with its command
@@ -156,7 +159,7 @@ def test_the_evidence_claims_what_the_page_has():
     for figure, command in rows(PAGE.read_text()):
         page.setdefault(program(command), set()).update(numbers(figure))
     compared = 0
-    for figure, command in rows((RESULTS / "evidence.md").read_text()):
+    for figure, command in rows((RESULTS / "truth.md").read_text()):
         linked = re.search(r"\]\(([\w.]+\.md)", command)
         if linked is not None:
             place, there = linked[1], numbers((RESULTS / linked[1]).read_text())

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from twin.identify.answer import provenance_of as provenance_of
     from twin.identify.calibration import Calibration as Calibration
     from twin.identify.calibration import driven as driven
+    from twin.identify.calibration import identified as identified
     from twin.identify.calibration import load_calibration as load_calibration
     from twin.identify.comparison import ResidualNoise as ResidualNoise
     from twin.identify.conventions import read_figures as read_figures
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from twin.identify.driven_fit import judge as judge
     from twin.identify.driven_runs import DrivenRun as DrivenRun
     from twin.identify.driven_runs import load_runs as load_runs
-    from twin.identify.fit import ALWAYS as ALWAYS
     from twin.identify.fit import centred as centred
     from twin.identify.fit import identify as identify
     from twin.identify.handling import Handling as Handling
@@ -56,18 +56,17 @@ if TYPE_CHECKING:
     from twin.identify.speed import SpeedEstimate as SpeedEstimate
     from twin.identify.speed import density_of as density_of
     from twin.identify.speed import estimate as estimate
-    from twin.identify.speed import estimate_speed as estimate_speed
     from twin.identify.speed import horizontal as horizontal
     from twin.identify.speed import motion_of as motion_of
     from twin.identify.translation import AttitudeFlight as AttitudeFlight
     from twin.identify.translation import Translation as Translation
     from twin.identify.translation import fly as fly
+    from twin.identify.unknowns import ALWAYS as ALWAYS
     from twin.identify.unknowns import NAMES as NAMES
     from twin.identify.unknowns import SPEED as SPEED
     from twin.identify.unknowns import UnknownParameter as UnknownParameter
     from twin.identify.unknowns import choose as choose
     from twin.identify.unknowns import draw_vehicles as draw_vehicles
-    from twin.identify.unknowns import identified as identified
     from twin.identify.unknowns import known_compass as known_compass
     from twin.identify.unknowns import normal_draws as normal_draws
     from twin.identify.unknowns import with_known as with_known

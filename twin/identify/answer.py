@@ -275,6 +275,7 @@ def provenance_of(
     def short(value: float) -> float | None:
         return float(f"{value:.{DIGITS}g}") if value == value else None
 
+    errors = found.calibration.errors
     return {
         "program": f"glider-twin {__version__}",
         "started_from": found.nominal.vehicle.name,
@@ -299,6 +300,7 @@ def provenance_of(
             "parameters": list(found.determined),
             "matrix": [[short(value) for value in row] for row in found.correlation.tolist()],
         },
+        "flight": errors and {name: [short(x) for x in row] for name, row in errors.items()},
     }
 
 

@@ -7,8 +7,9 @@ the vehicle's own parameters; both are written into one MJCF file.
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -62,6 +63,9 @@ class Calibration:
     """[rad] True minus measured heading, mean over all headings"""
     heading_cycles: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     """[rad] Coefficients of cos, sin of the heading (hard iron) and of twice the heading (soft)"""
+    errors: Mapping[str, Sequence[float]] | None = None
+    """Independent errors of one standard deviation each, by parameter in its unit; None without an
+    identification, or with one of an earlier version"""
 
     def true_pitch(self, measured: Array) -> Array:
         """Pitch [rad] of the hull from the sensor's [rad]."""
@@ -157,6 +161,13 @@ def load_calibration(
     loaded = _at_reference(vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle))
     require_glider(loaded)
     calibration = Calibration(vehicle=loaded, water_density=loaded.reference_density)
+    errors = identified(loaded).get("flight")
+    if errors is not None and len({len(row) for row in errors.values()}) != 1:
+        raise VehicleError(
+            f"vehicle file {loaded.path}: the errors of its identification ('flight') must be "
+            "equally many for each parameter; identify the vehicle again"
+        )
+    calibration = calibration.replace(errors=errors)
     if loaded.hull_thermal_expansion > 0.0:
         calibration = calibration.replace(
             thermal_expansion=loaded.hull_thermal_expansion, thermal_lag=loaded.hull_thermal_lag
@@ -188,6 +199,20 @@ def load_calibration(
         )
     known = {"pitch_scale": pitch_scale, "pitch_offset": pitch_offset}
     return calibration.replace(**{n: value for n, value in known.items() if value is not None})
+
+
+def identified(vehicle: Vehicle) -> Mapping[str, Any]:
+    """Record of the identification in a vehicle's file; empty where the file has none."""
+    for text in ElementTree.fromstring(vehicle.xml).iter("text"):
+        if text.get("name") == PROVENANCE:
+            try:
+                found = json.loads(text.get("data", ""))
+            except json.JSONDecodeError as error:
+                raise VehicleError(
+                    f"vehicle file {vehicle.path}: <text name={PROVENANCE!r}> is not JSON: {error}"
+                ) from None
+            return found if isinstance(found, dict) else {}
+    return {}
 
 
 def _at_reference(vehicle: Vehicle) -> Vehicle:

@@ -285,11 +285,11 @@ class Comparison(abc.ABC):
 
 
 def consider(own: Array, others: Array, off: Array) -> tuple[Array, Array]:
-    """Covariance of a fit by noise, and what held parameters, off by `off`, add by their slopes
-    `others` (consider covariance; Tapley et al. 2004, Statistical Orbit Determination, 6.2)."""
+    """Covariance of a fit by noise, and its change by each held parameter that is off by `off`,
+    (unknowns, held), by the slopes `others`. Together they have the covariance noise + change
+    change^T (Tapley et al. 2004, Statistical Orbit Determination, 6.2)."""
     inverse = np.asarray(np.linalg.inv(own.T @ own + np.eye(own.shape[1])), np.float64)
-    moved = inverse @ (own.T @ others) * off
-    return inverse, moved @ moved.T
+    return inverse, inverse @ (own.T @ others) * off
 
 
 class Fitted(NamedTuple):

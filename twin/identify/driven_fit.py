@@ -301,7 +301,8 @@ def identify_driven(
     held = [p for p in everything if p not in wanted and p.name not in (known or {})]  # not listed
     covariance = problem.fitted(x).covariance
     before = {p.name: float(np.sqrt(covariance[k, k])) for k, p in enumerate(free)}
-    covariance = covariance + problem.considered(x, held)[1]
+    moved = problem.considered(x, held)[1]
+    covariance = covariance + moved @ moved.T
     for name, off in before.items():
         if off > LARGEST_UNCERTAINTY:
             notes[name] = f"the runs leave it to {100.0 * off:.0f} % of what was known"

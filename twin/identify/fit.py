@@ -26,7 +26,7 @@ from twin.identify.comparison import (
 from twin.identify.logged_missions import Log, gliding
 from twin.identify.residuals import LEAST_PAIRS, DepthRates
 from twin.identify.speed import FlightModel
-from twin.identify.unknowns import NAMES, PARAMETERS, UnknownParameter, choose
+from twin.identify.unknowns import ALWAYS, FLIGHT, NAMES, PARAMETERS, UnknownParameter, choose
 from twin.vehicle.parts.pump import CUBIC_CM
 
 LEAST_SAMPLES = 100
@@ -34,8 +34,6 @@ LEAST_SAMPLES = 100
 UNDETERMINED = 0.7
 """[1] Standard deviation over spread below which a parameter counts as determined: the log then
 says as much as what was known before."""
-ALWAYS = ("neutral_density", "drag")
-"""Parameters that are never kept at nominal: with a wrong one no flight is like the log's."""
 PASSES = 3
 """Number of fits; after each, weights, noise and autocorrelation time are estimated again."""
 COARSE: dict[str, Any] = {"max_nfev": 8, "xtol": 1e-2, "ftol": 1e-2}
@@ -144,7 +142,10 @@ def identify(
         *(final, x, logs, wanted, notes, before, covariance, said, noise["depth_rate"]), model
     )
     _check_residual(final, x, found)
-    return dataclasses.replace(found, powered=powered, stalled=_stalled(final, x))
+    calibration = found.calibration.replace(errors=_flight_errors(final, x, known))
+    return dataclasses.replace(
+        found, calibration=calibration, powered=powered, stalled=_stalled(final, x)
+    )
 
 
 def free_of(
@@ -160,9 +161,31 @@ def free_of(
 
 def _covariance(problem: DepthRates, x: Array, known: Sequence[str]) -> Array:
     """Covariance of the offsets, in spreads, with errors of what is neither fitted nor known."""
+    noise, moved = problem.considered(x, _held(problem, known))
+    return np.asarray(noise + moved @ moved.T)
+
+
+def _held(problem: DepthRates, known: Sequence[str]) -> list[UnknownParameter]:
     held = [p for p in PARAMETERS if p not in problem.parameters and p.name not in known]
-    held = [p for p in held if problem.pairs or not p.name.startswith("heading")]
-    return np.asarray(sum(problem.considered(x, held)))
+    return [p for p in held if problem.pairs or not p.name.startswith("heading")]
+
+
+def _flight_errors(problem: DepthRates, x: Array, known: Sequence[str]) -> dict[str, list[float]]:
+    """Independent errors of the fit and of what it held at nominal, as in `Calibration.errors`.
+
+    A held value that is off moves the fit until depth rates agree again. Here it is off by its
+    whole spread and not by its usual error: the depth rate does not show an angle that is wrong.
+    """
+    held, found = _held(problem, known), problem.calibration(x)
+    noise, moved = problem.considered(x, held)
+    fitted = np.hstack([np.linalg.cholesky(noise), moved / [p.held / p.spread for p in held]])
+    rows = [*fitted, *np.eye(len(held), fitted.shape[1], len(x)) * -1.0]
+    every = zip([*problem.parameters, *held], rows, strict=True)
+    return {
+        p.name: [p.deviation(p.get(found), off) for off in row.tolist()]
+        for p, row in every
+        if p.name in FLIGHT
+    }
 
 
 def _stalled(problem: DepthRates, x: Array) -> tuple[int, ...]:

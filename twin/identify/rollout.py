@@ -152,7 +152,8 @@ def refine(
     usual = [p.deviation(v, p.held / p.spread) for p, v in zip(held, values, strict=True)]
     off = [sure.get(p.name, u) * p.held / p.spread / u for p, u in zip(held, usual, strict=True)]
     slopes = np.reshape(others, (len(held), -1)).T
-    covariance = np.asarray(sum(consider(jacobian, slopes, np.array(off))))
+    noise, shift = consider(jacobian, slopes, np.array(off))
+    covariance = noise + shift @ shift.T
     progress(1.0)
     pitch_rmse = rms(np.concatenate(pitches))
     if pitch_rmse > MOST_PITCH:

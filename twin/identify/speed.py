@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
 from twin.errors import InputError, unknown_name
-from twin.identify.calibration import Array, Calibration, Mask, load_calibration
-from twin.identify.logged_missions import AFLOAT, Log, load_logs
+from twin.identify.calibration import Array, Calibration, Mask
+from twin.identify.logged_missions import AFLOAT, Log
 from twin.identify.translation import AttitudeFlight, Translation, Velocity, fly
 from twin.vehicle.steady_motion import balance
 
@@ -42,8 +41,6 @@ STEADY_LEAST_PITCH = np.deg2rad(10.0)
 class SpeedEstimate:
     """Velocities of one dive, (time,)."""
 
-    index: int
-    """Row in the store"""
     period: float
     """[s] Time between samples"""
     motion: Translation
@@ -63,11 +60,6 @@ class SpeedEstimate:
     def speed(self) -> Array:
         """[m/s] Speed through the water."""
         return self.motion.speed
-
-    @property
-    def angle_of_attack(self) -> Array:
-        """[rad] Angle of attack."""
-        return self.motion.angle_of_attack
 
     def track(self) -> Array:
         """Displacement north and east [m] through the water since the first sample, (time, 2)."""
@@ -206,7 +198,6 @@ def estimate(log: Log, calibration: Calibration, model: FlightModel = "flight") 
     sink = motion.sink_rate(log.roll, calibration.true_pitch(log.pitch))
     north, east = horizontal(log, calibration, motion)
     return SpeedEstimate(
-        index=log.index,
         period=log.period,
         motion=motion,
         sink_rate=sink,
@@ -215,26 +206,3 @@ def estimate(log: Log, calibration: Calibration, model: FlightModel = "flight") 
         velocity_east=east,
         use=log.use,
     )
-
-
-def estimate_speed(
-    store: str | Path,
-    row: int,
-    vehicle: str | Path | Calibration,
-    *,
-    model: FlightModel = "flight",
-) -> SpeedEstimate:
-    """Velocities of one dive of a store.
-
-    Args:
-      store: path of a zarr store of logs.
-      row: number of the dive in it.
-      vehicle: file that `twin identify` wrote, a shipped vehicle's name, or a calibration.
-      model: "flight", with the vehicle's inertia, or "steady", forces in balance.
-
-    Raises:
-      StoreError: no such store, row or channel, or no dive in it.
-      VehicleError: no such vehicle.
-    """
-    calibration = vehicle if isinstance(vehicle, Calibration) else load_calibration(vehicle)
-    return estimate(load_logs(store, [row])[0], calibration, model)

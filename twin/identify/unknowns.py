@@ -12,16 +12,14 @@ samples vehicles from it.
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
 from twin.errors import InputError, VehicleError, unknown_name
-from twin.identify.calibration import CYCLES, PROVENANCE, Array, Calibration, load_calibration
+from twin.identify.calibration import CYCLES, Array, Calibration, identified, load_calibration
 from twin.vehicle.vehicle import Vehicle
 
 DEGREE = math.pi / 180.0
@@ -199,6 +197,10 @@ PARAMETERS: tuple[UnknownParameter, ...] = (
 # fmt: on
 
 NAMES = tuple(parameter.name for parameter in PARAMETERS)
+ALWAYS = ("neutral_density", "drag")
+"""Parameters that are never kept at nominal: with a wrong one no flight is like the log's."""
+FLIGHT = tuple(name for name in NAMES if not name.startswith("heading"))
+"""Parameters that change a flight through the water: all but the compass'"""
 
 
 def choose(
@@ -243,18 +245,29 @@ SPEED = ("drag", "lift_ratio", "induced_ratio")
 scale replaces them."""
 
 
-def identified(vehicle: Vehicle) -> Mapping[str, Any]:
-    """Record of the identification in a vehicle's file; empty where the file has none."""
-    for text in ElementTree.fromstring(vehicle.xml).iter("text"):
-        if text.get("name") == PROVENANCE:
-            try:
-                found = json.loads(text.get("data", ""))
-            except json.JSONDecodeError as error:
-                raise VehicleError(
-                    f"vehicle file {vehicle.path}: <text name={PROVENANCE!r}> is not JSON: {error}"
-                ) from None
-            return found if isinstance(found, dict) else {}
-    return {}
+ERROR_STEP = 0.01
+"""[1] Size of the errors of `unit_errors`, in standard deviations: a flight is linear in them"""
+
+
+def unit_errors(calibration: Calibration) -> list[Calibration]:
+    """Calibrations off by independent errors of a flight, of `ERROR_STEP` deviations each.
+
+    Without an identification each parameter has its spread, trim and drag their usual errors.
+    """
+    chosen = choose(calibration.errors or FLIGHT)
+    units = np.array([p.deviation(p.get(calibration), 1.0) for p in chosen])
+    if calibration.errors is None:
+        errors = np.diag([p.held / p.spread if p.name in ALWAYS else 1.0 for p in chosen])
+    else:
+        errors = np.array([calibration.errors[p.name] for p in chosen]) / units[:, None]
+    made = []
+    for column in ERROR_STEP * errors.T:
+        low = any(p.least is not None and x < 0.0 for p, x in zip(chosen, column, strict=True))
+        one = calibration
+        for p, offset in zip(chosen, -column if low else column, strict=True):
+            one = p.at(one, p.get(calibration), float(offset))  # up from a lower bound
+        made.append(one)
+    return made
 
 
 def known_compass(vehicle: Vehicle) -> tuple[float, float | None]:

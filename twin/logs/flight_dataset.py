@@ -47,12 +47,18 @@ Array = NDArray[np.float64]
 W_WATER, GPS_FIX = "w_water", "gps_fix"
 POSITIONS = ("latitude", "longitude")
 OF_CTD = ("conductivity", "salinity", "density")
+ESTIMATED = ("speed_through_water_sd", "angle_of_attack_sd")
 BODY = "forward-starboard-down body axes"
 FLOWN: dict[str, tuple[str, str, str | None]] = {
     "speed_through_water": (
         "m s-1", "speed through the water by the flight model", "platform_speed_wrt_sea_water"
     ),
     "angle_of_attack": ("degree", "angle of attack by the flight model, atan2(heave, surge)", None),
+    "speed_through_water_sd": (
+        "m s-1", "standard deviation of the speed through the water",
+        "platform_speed_wrt_sea_water standard_error",
+    ),
+    "angle_of_attack_sd": ("degree", "standard deviation of the angle of attack", None),
     "surge": ("m s-1", f"velocity through the water, forward, {BODY}", None),
     "sway": ("m s-1", f"velocity through the water, starboard, {BODY}", None),
     "heave": ("m s-1", f"velocity through the water, down, {BODY}", None),
@@ -86,7 +92,13 @@ COPIED = {
     "measured_phase": "phase",
 }
 """Signals copied from the store, and their names in the dataset"""
+DEVIATION = (
+    "of the errors of the vehicle's and the pitch sensor's numbers, {source}; these do not average "
+    "out over a deployment; waves and sensor noise are not in it"
+)
 COMMENTS = {
+    "speed_through_water_sd": DEVIATION,
+    "angle_of_attack_sd": DEVIATION,
     W_WATER: "depth rate of the flight model less the observed one, both filtered over 20 s; "
     "missing above 3 m, in gaps of the log and while the model settles; "
     "not to be trusted to better than 0.01 m s-1: w_profile_difference_m_s is the largest "
@@ -158,6 +170,8 @@ def flight_dataset(flight: Flight) -> xr.Dataset:
         for name, series in _series(one, store).items():
             arrays[name][k, : lengths[k]] = series
     absent = () if any(one.dive.ctd is not None for one in flight.missions) else OF_CTD
+    if not any(np.isfinite(one.dive.speed_deviation).any() for one in flight.missions):
+        absent = (*absent, *ESTIMATED)  # an estimator that does not know its errors
     if not any(one.place.known for one in flight.missions):
         absent = (*absent, *POSITIONS)
     arrays = {name: values for name, values in arrays.items() if name not in absent}
@@ -211,6 +225,9 @@ def _series(one: MissionFlight, store: MissionStore) -> dict[str, Array]:
         found |= {name: getattr(dive.motion, name) for name in ("surge", "sway", "heave")}
         found["speed_through_water"] = speed
         found["angle_of_attack"] = np.where(speed > LEAST_SPEED, alpha, np.nan)
+        found["speed_through_water_sd"] = dive.speed_deviation
+        attack = np.degrees(dive.attack_deviation)
+        found["angle_of_attack_sd"] = np.where(speed > LEAST_SPEED, attack, np.nan)
     if dive.ctd is not None:
         found |= {name: getattr(dive.ctd, name) for name in OF_CTD}
     copied = {name: stored for stored, name in COPIED.items() if stored in store}
@@ -268,7 +285,11 @@ def _attributes(flight: Flight, name: str) -> dict[str, Any]:
     attributes = _described(FLOWN[name])
     comments = COMMENTS | TRACK_COMMENTS[flight.track]
     if name in comments:
-        attributes["comment"] = comments[name]
+        known = flight.calibration.errors is not None
+        source = "by its identification" if known else "of an unidentified vehicle"
+        attributes["comment"] = comments[name].format(source=source)
+    if f"{name}_sd" in ESTIMATED:
+        attributes["ancillary_variables"] = f"{name}_sd"
     if name not in ("latitude", "longitude") and any(one.place.known for one in flight.missions):
         attributes["coordinates"] = "latitude longitude"
     return attributes

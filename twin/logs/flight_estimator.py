@@ -16,8 +16,9 @@ from twin import seams
 from twin.errors import InputError
 from twin.identify.calibration import Array, Calibration, Mask
 from twin.identify.logged_missions import Log
-from twin.identify.speed import horizontal, motion_of, start_of
+from twin.identify.speed import horizontal, motion_of, motions_of, start_of
 from twin.identify.translation import Translation, Velocity
+from twin.identify.unknowns import ERROR_STEP, unit_errors
 from twin.logs.thermal_lag import CtdSeries
 from twin.records.reader import MissionStore
 from twin.registry import Registry
@@ -77,6 +78,13 @@ class FlightEstimator(abc.ABC):
           StoreError: the store lacks a signal that the estimator needs.
         """
 
+    def errors(self, log: Log, calibration: Calibration) -> tuple[Array, Array] | None:
+        """Independent errors of speed [m/s] and of angle of attack [rad], (errors, time) each.
+
+        Each is of one standard deviation; None where the estimator does not know its errors.
+        """
+        return None
+
 
 ESTIMATORS: Registry[type[FlightEstimator]] = seams.FLIGHT_ESTIMATORS
 """All flight estimators by name."""
@@ -109,6 +117,15 @@ class FlightModel(FlightEstimator):
         """See `FlightEstimator.motion`; the steady model ignores `start`."""
         return motion_of(log, calibration, "flight" if self.inertia else "steady", start=start)
 
+    def errors(self, log: Log, calibration: Calibration) -> tuple[Array, Array]:
+        """Errors by those of the vehicle's and the pitch sensor's numbers (`unit_errors`)."""
+        wrong = [calibration, *unit_errors(calibration)]
+        found = motions_of([log], wrong, "flight" if self.inertia else "steady")
+        (right,), *others = found
+        speed = np.stack([one.speed - right.speed for (one,) in others])
+        attack = np.stack([one.angle_of_attack - right.angle_of_attack for (one,) in others])
+        return speed / ERROR_STEP, attack / ERROR_STEP
+
 
 class SteadyModel(FlightModel):
     """Steady model, as glider pilots use it: the flight model without inertia."""
@@ -140,6 +157,10 @@ class FlownDive:
     """Samples of a climb, without turns and the surface"""
     ctd: CtdSeries | None
     """CTD with its thermal lag corrected; None without a CTD"""
+    speed_deviation: Array
+    """[m/s] Standard deviation of the speed through the water"""
+    attack_deviation: Array
+    """[rad] Standard deviation of the angle of attack"""
     known: float = 1.0
     """[1] Fraction of the time under water in which the log has an attitude"""
 
@@ -181,8 +202,12 @@ def fly_dive(
         phase = store.row("measured_phase", log.index)[: len(log.depth)]
         down, up = phase == DESCENT, phase == CLIMB
     count = int(store.samples[log.index])
+    errors = estimator.errors(log, calibration) or (np.full((1, count), np.nan),) * 2
+    speed_sd, attack_sd = (np.sqrt(np.square(one).sum(axis=0)) for one in errors)
     return FlownDive(
         mission=log.index,
+        speed_deviation=speed_sd,
+        attack_deviation=attack_sd,
         known=_known(store, log.index),
         motion=motion,
         velocity=np.nan_to_num(np.stack(horizontal(log, calibration, motion), axis=1), nan=0.0),
@@ -218,6 +243,8 @@ def still(store: MissionStore, mission: int, ctd: CtdSeries | None) -> FlownDive
         descending=no,
         ascending=no,
         ctd=ctd,
+        speed_deviation=unknown,
+        attack_deviation=unknown,
     )
 
 

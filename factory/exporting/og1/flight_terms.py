@@ -200,12 +200,17 @@ def flight_terms(track: JoinedDives, found: FlownTracks) -> Variables:
     def attack(dive: Any) -> Array:
         return np.where(speed(dive) > LEAST_SPEED, np.degrees(dive.motion.angle_of_attack), np.nan)
 
+    def attack_deviation(dive: Any) -> Array:
+        return np.where(speed(dive) > LEAST_SPEED, np.degrees(dive.attack_deviation), np.nan)
+
     yield variable("GLIDER_SPEED_MODEL", of(speed))
     yield variable("GLIDER_HORZ_VELO_MODEL", of(lambda dive: np.hypot(*dive.velocity.T)))
     yield variable("GLIDER_VERT_VELO_MODEL", of(lambda dive: -dive.sink_rate))
     yield variable("GLIDER_SURGE_MODEL", of(lambda dive: dive.motion.surge))
     yield variable("GLIDER_SWAY_MODEL", of(lambda dive: dive.motion.sway))
     yield variable("ANGLE_OF_ATTACK_MODEL", of(attack))
+    yield variable("GLIDER_SPEED_SD_MODEL", of(lambda dive: dive.speed_deviation))
+    yield variable("ANGLE_OF_ATTACK_SD_MODEL", of(attack_deviation))
     yield variable("VERT_CURR_MODEL", of(lambda dive: dive.water_up))
     yield from _currents(track, found)
 

@@ -110,12 +110,12 @@ def packets(time: Array, state: Mapping[str, Array]) -> list[bytes]:
 
 def _propelled(moment: float, k: int, now: Mapping[str, float]) -> list[bytes]:
     """Make packets of a Doppler log, a motor, four servos, a CTD and two voltmeters."""
-    lock = k % 50 < 40  # the last ten of 50 pings lack bottom lock; the last five also water lock
+    ping = k % 50  # the last ten of 50 lack bottom lock; the first and last five lack water lock
     servos = [0.10, -0.05, -0.07, 0.14]
     return [
-        message("GroundVelocity", moment, 4, validity=7 if lock else 0, x=now["surge"],
+        message("GroundVelocity", moment, 4, validity=7 if ping < 40 else 0, x=now["surge"],
                 y=now["sway"], z=0.01),
-        message("WaterVelocity", moment + 0.01, 4, validity=7 if k % 50 < 45 else 0,
+        message("WaterVelocity", moment + 0.01, 4, validity=7 if 5 <= ping < 45 else 0,
                 x=now["surge"] + 0.1, y=0.02, z=-0.03),
         message("Rpm", moment, 6, value=round(now["rpm"])),
         *(message("ServoPosition", moment, 7, id=i, value=a) for i, a in enumerate(servos)),

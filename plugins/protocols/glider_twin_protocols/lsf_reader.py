@@ -89,6 +89,9 @@ STANDARD: tuple[_Standard, ...] = (
     ("measured_dvl_sway", "DVL", "y", "m/s"),
     ("measured_dvl_heave", "DVL", "z", "m/s"),
     ("measured_dvl_mode", "DVL", "mode", "1"),
+    ("measured_bottom_surge", "GroundVelocity", "x", "m/s"),
+    ("measured_bottom_sway", "GroundVelocity", "y", "m/s"),
+    ("measured_bottom_heave", "GroundVelocity", "z", "m/s"),
     ("measured_propeller", "Rpm", "value", "rpm"),
     ("measured_rudder", "Fins", "rudder", "rad"),
     ("measured_elevator", "Fins", "elevator", "rad"),
@@ -230,9 +233,9 @@ def _places(columns: Dict[str, Array]) -> dict[str, Array]:
 
 
 def _doppler(tables: Dict[str, MessageTable]) -> MessageTable | None:
-    """Table of a Doppler log: velocities over ground, or else through the water, and the mode."""
+    """Table of a Doppler log: velocities through the water, or else over ground, and the mode."""
     parts = []
-    for name, mode in {"GroundVelocity": "bottom", "WaterVelocity": "water"}.items():
+    for name, mode in {"WaterVelocity": "water", "GroundVelocity": "bottom"}.items():
         topic = _source(name, tables)
         if topic is None:
             parts.append((np.zeros(0), np.zeros((4, 0))))
@@ -241,17 +244,17 @@ def _doppler(tables: Dict[str, MessageTable]) -> MessageTable | None:
         speeds = np.stack([table.columns[axis] for axis in VELOCITY])
         modes = np.where(np.isfinite(speeds[0]), DVL_MODES[mode], DVL_MODES["none"])
         parts.append((table.time, np.vstack([speeds, modes])))
-    (time, ground), (other, water) = parts
-    locked, through = np.isfinite(ground[0]), np.isfinite(water[0])
+    (time, water), (other, ground) = parts
+    through, locked = np.isfinite(water[0]), np.isfinite(ground[0])
     spans = np.diff(np.unique(time))
     apart = 0.5 * float(np.median(spans)) if len(spans) else PING
-    kept = locked | ~_near(time, other[through], apart)
-    added = through & ~_near(other, time[locked], apart)
+    kept = through | ~_near(time, other[locked], apart)
+    added = locked & ~_near(other, time[through], apart)
     if not len(time) and not len(other):
         return None
     moments = np.concatenate([time[kept], other[added]])
     order = np.argsort(moments, kind="stable")
-    values = np.hstack([ground[:, kept], water[:, added]])[:, order]
+    values = np.hstack([water[:, kept], ground[:, added]])[:, order]
     return MessageTable(moments[order], dict(zip((*VELOCITY, "mode"), values, strict=True)))
 
 

@@ -92,17 +92,21 @@ def test_units_and_axes_are_those_of_a_store(whole):
 
 
 def test_a_doppler_log_of_two_references(whole):
-    """Bottom where it sees it, else water; its mode says which, and when it says nothing."""
+    """Water where it has it, else bottom; its mode says which, and when it says nothing."""
     dataset, _ = whole
     ping = np.arange(len(TIME)) % 50
-    mode, surge = (values(dataset, f"measured_dvl_{name}") for name in ("mode", "surge"))
-    sway = values(dataset, "measured_dvl_sway")
-    bottom, water, none = ping < 39, (ping > 41) & (ping < 44), ping > 46
+    mode, surge, sway, ground = (
+        values(dataset, f"measured_{n}")
+        for n in ("dvl_mode", "dvl_surge", "dvl_sway", "bottom_surge")
+    )
+    bottom, water, none = (ping > 0) & (ping < 4), (ping > 6) & (ping < 44), ping > 46
     assert set(mode[bottom]) == {1.0}
     assert set(mode[none]) == {0.0}
     np.testing.assert_allclose(surge[bottom], STATE["surge"][bottom], atol=1e-4)
     np.testing.assert_allclose(sway[bottom], STATE["sway"][bottom], atol=1e-4)
+    np.testing.assert_allclose(ground[ping < 39], STATE["surge"][ping < 39], atol=1e-4)
     assert np.isnan(surge[none & (ping < 48)]).all()
+    assert np.isnan(ground[(ping > 41) & (ping < 48)]).all()
     assert set(mode[water]) == {2.0}
     np.testing.assert_allclose(sway[water], 0.02, atol=1e-4)
     np.testing.assert_allclose(surge[water], STATE["surge"][water] + 0.1, atol=2e-3)

@@ -208,7 +208,8 @@ def test_each_flight_term_has_the_sign_and_unit_that_its_name_says():
     )  # fmt: skip
     dive = SimpleNamespace(
         motion=motion, velocity=np.array([[0.3, -0.4]] * 3), sink_rate=np.full(3, 0.15),
-        water_up=np.full(3, 0.02),
+        water_up=np.full(3, 0.02), speed_deviation=np.full(3, 0.03),
+        attack_deviation=np.full(3, np.pi / 180.0),
     )  # fmt: skip
     current = SimpleNamespace(first=1, last=1, north=0.1, east=-0.05, deviation=0.01)
     tracks = SimpleNamespace(tracks={0: SimpleNamespace(dive=dive, currents=(current,))})
@@ -220,12 +221,13 @@ def test_each_flight_term_has_the_sign_and_unit_that_its_name_says():
         "GLIDER_SWAY_MODEL": 0.03,  # to starboard
         "ANGLE_OF_ATTACK_MODEL": 3.0,  # degree
         "VERT_CURR_MODEL": 0.02, "DAC_NORTH_MODEL": 0.1, "DAC_EAST_MODEL": -0.05,
-        "DAC_SD_MODEL": 0.01,
+        "DAC_SD_MODEL": 0.01, "GLIDER_SPEED_SD_MODEL": 0.03, "ANGLE_OF_ATTACK_SD_MODEL": 1.0,
     }  # fmt: skip
     assert {name: values[1] for name, values in found.items()} == pytest.approx(steady)
     unknown = {name for name, values in found.items() if np.isnan(values[0])}
     assert unknown == {
         "ANGLE_OF_ATTACK_MODEL",
+        "ANGLE_OF_ATTACK_SD_MODEL",
         *(f"DAC_{n}_MODEL" for n in ("NORTH", "EAST", "SD")),
     }
 

@@ -29,6 +29,7 @@ EXCEPTIONS = {
     "GLIDER_SURGE_MODEL": 1e-5, "GLIDER_SWAY_MODEL": 1e-5, "ANGLE_OF_ATTACK_MODEL": 1e-3,
     "VERT_CURR_MODEL": 1e-5, "DAC_NORTH_MODEL": 1e-5, "DAC_EAST_MODEL": 1e-5,
     "DAC_SD_MODEL": 1e-5,  # by the flight model from the depth
+    "GLIDER_SPEED_SD_MODEL": 1e-3, "ANGLE_OF_ATTACK_SD_MODEL": 0.1,  # differences over ERROR_STEP
     "DAC_NORTH": 1e-6, "DAC_EAST": 1e-6,  # by the import from the depth
     "DEPTH": 1e-4,  # by the import from the pressure, in float32
     "CNDC": 1e-4,  # at gaps of depth, where the pressure is made of it

@@ -17,7 +17,6 @@ from twin.commands.identify import _Stages
 from twin.errors import InputError, StoreError, VehicleError
 from twin.identify import (
     AttitudeFlight,
-    estimate_speed,
     fly,
     identify,
     load_calibration,
@@ -165,10 +164,11 @@ def test_speed_after_calibration_is_better_than_with_the_nominal_vehicle(store, 
     true = np.sqrt(sum(run[f"true_{n}"] ** 2 for n in ("surge", "sway", "heave")))
 
     def error(vehicle):
-        one = estimate_speed(store, 0, vehicle)
-        return np.sqrt(np.mean((one.speed - true[: len(one.speed)])[one.use] ** 2))
+        (log,) = load_logs(store, [0])
+        speed = motion_of(log, vehicle).speed
+        return np.sqrt(np.mean((speed - true[: len(speed)])[log.use] ** 2))
 
-    assert error(found.calibration) < 0.012 < 0.02 < error("glider")
+    assert error(found.calibration) < 0.012 < 0.02 < error(load_calibration("glider"))
 
 
 def test_lift_is_kept_at_nominal_without_fixes_unless_asked_for(found):

@@ -150,12 +150,17 @@ def test_the_file_says_what_it_holds(flight, tmp_path, ending):
     for name, standard in (
         ("w_water", "upward_sea_water_velocity"),
         ("speed_through_water", "platform_speed_wrt_sea_water"),
+        ("speed_through_water_sd", "platform_speed_wrt_sea_water standard_error"),
         ("latitude", "latitude"),
         ("dac_north", "northward_sea_water_velocity"),
     ):
         assert dataset[name].attrs["standard_name"] == standard
     for variable in dataset.data_vars.values():
         assert variable.attrs["long_name"]
+    for name in ("speed_through_water", "angle_of_attack"):
+        assert dataset[name].attrs["ancillary_variables"] == f"{name}_sd"
+        assert "unidentified" in dataset[f"{name}_sd"].attrs["comment"]
+        assert np.isfinite(dataset[name]).equals(np.isfinite(dataset[f"{name}_sd"]))
     assert dataset["dac_sd"].dims == ("dac",)
     assert dataset["datetime"].dims == ("mission", "time")
     middle = 0.5 * (dataset["dac_start"].values + dataset["dac_end"].values)
@@ -232,6 +237,7 @@ def test_an_estimator_of_one_s_own(store, flight):
         slow = twin.estimate_flight(store, estimator="half")
     finally:
         ESTIMATORS.unregister("half")
+    assert "speed_through_water_sd" not in flight_dataset(slow)  # its errors are not known
     one, two = slow.missions[0].dive, flight.missions[0].dive
     np.testing.assert_allclose(one.motion.surge, 0.5 * two.motion.surge)
     assert np.isfinite(one.motion.heave).all()
