@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from twin.records import NamedTrack
 
 ALL = "all"
-FLIGHT_FIGURES = ("w_section", "w_histogram", "map")
+FLIGHT_FIGURES = ("w_section", "w_histogram", "map", "currents")
 """Figures of a file of `twin flight`; the first is the default"""
 CHOICES = (
     f"{', '.join((*FIGURES, f'or {ALL}'))} [default: {OVERVIEW}]; of a file of `twin flight` "
