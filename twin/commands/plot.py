@@ -102,7 +102,10 @@ class PlotMission:
             raise UnknownName("figure of a flight", name, (*OF_FLIGHTS, ALL))
         out = self._out(name)
         flight = read_flight(self.store)
-        chosen = OF_FLIGHTS if name == ALL else {name: OF_FLIGHTS[name]}
+        every = {
+            n: d for n, d in OF_FLIGHTS.items() if n != "currents" or "profile_depth" in flight
+        }
+        chosen = every if name == ALL else {name: OF_FLIGHTS[name]}
         drawers = {each: functools.partial(draw, flight) for each, draw in chosen.items()}
         return self._save_all(drawers, out, flight_caption(flight, self.store), console)
 

@@ -97,8 +97,8 @@ def current_profile(
     linear = csr_array((np.append(1.0 - place + node, place - node), where))
     slope = np.diff(np.eye(nodes), axis=0) / (SHEAR * math.sqrt(height * max(SHEAR_HEIGHT, height)))
     inverse = slope.T @ slope + np.eye(nodes) / (nodes * ANY_CURRENT**2)
-    spread = np.array([HEADING_DEVIATION, RANGE_BIAS, SPEED_DEVIATION, SPEED_DEVIATION])
-    prior = block_diag(inverse, inverse, np.diag(spread**-2.0))
+    of_errors = np.array([HEADING_DEVIATION, RANGE_BIAS, SPEED_DEVIATION, SPEED_DEVIATION])
+    prior = block_diag(inverse, inverse, np.diag(of_errors**-2.0))
     row = np.append(sample, sample + count)
     each = period * np.concatenate([[0.5], np.ones(count - 2), [0.5]])
     over = between.duration * (between.north + 1j * between.east) + each @ water
@@ -129,12 +129,11 @@ def current_profile(
         for one in np.unique(cell):
             noise = ROBUST * float(np.median(np.abs(missed[:, source == one])))
             deviation[source == one] = max(noise, 1e-3)
-        largest = np.maximum(np.abs(missed / deviation).max(axis=0), 1e-9)
-        weaker = np.where(model, 1.0, np.minimum(OUTLIER / largest, 1.0))
-        shares = missed / deviation * weaker * ~model
-        sums = sum(float((np.bincount(block, one) ** 2).sum()) for one in shares)
-        deviation[~model] *= math.sqrt(max(sums / float((shares**2).sum()), 1.0))
-    wanted = np.eye(len(found), 2 * nodes)
-    variances = np.einsum("uk,uk->k", wanted, cho_solve(factor, wanted))
-    current, deviations = (v.reshape(2, -1).T for v in (found[: 2 * nodes], np.sqrt(variances)))
+        scores = missed / deviation * ~model
+        weaker = OUTLIER / np.maximum(np.abs(scores).max(axis=0), OUTLIER)
+        scores *= weaker
+        sums = sum(float((np.bincount(block, one) ** 2).sum()) for one in scores)
+        deviation[~model] *= math.sqrt(max(sums / float((scores**2).sum()), 1.0))
+    spread = np.sqrt(np.diag(cho_solve(factor, np.eye(len(found)))))
+    current, deviations = (v[: 2 * nodes].reshape(2, -1).T for v in (found, spread))
     return CurrentProfile(depth=depth, current=current, deviation=deviations)

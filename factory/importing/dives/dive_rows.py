@@ -43,7 +43,7 @@ from twin.records.coordinates import (
     sample_variables,
     unix_milliseconds,
 )
-from twin.records.logged import CELL, CELLS
+from twin.records.logged import CELLS
 from twin.records.schema import MISSION, TIME, VARIABLES
 from twin.records.trajectory import sample_times
 from twin.version import IMPORT_VERSION, __version__
@@ -149,7 +149,7 @@ def rows_dataset(rows: Sequence[DiveRow], period: float, attributes: dict[str, A
         if row.cells is not None:
             cells[i, : lengths[i], : row.cells.shape[1]] = row.cells
     for k, (name, about) in enumerate(CELLS.items() if most else ()):
-        variables[name] = ((MISSION, TIME, CELL), cells[..., k], about)
+        variables[name] = ((MISSION, TIME, "cell"), cells[..., k], about)
     variables |= _per_row(rows)
     variables[METHOD] = method_array([row.positions.method for row in rows])
     coordinates: dict[str, Any] = {

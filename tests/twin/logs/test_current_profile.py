@@ -45,8 +45,7 @@ def flown(seed, *, offset=0.0, headings=(30.0, 150.0), farther=0.0):
         wave[k] = (1.0 - 4.0 / 300.0) * wave[k - 1] + np.sqrt(8.0 / 300.0) * wave[k]
     speed = 0.3 + np.where(down, *rng.normal(0.0, 0.02, 2))
     model = speed * turn * np.exp(-1j * np.radians(offset)) + 0.02 * wave
-    moved = 4.0 * (over.sum() - 0.5 * over[[0, -1]].sum()) + farther
-    moved += np.sqrt(50.0) * (rng.normal(size=2) @ UNIT)
+    moved = np.trapezoid(over, dx=4.0) + farther + np.sqrt(50.0) * (rng.normal(size=2) @ UNIT)
     store = type("Store", (dict,), {"period": 4.0, "row": lambda self, name, _: self[name]})()
     store |= zip(
         (*CELLS, "measured_heading"), (past.real, past.imag, below, heading - offset), strict=True
@@ -93,7 +92,7 @@ def test_fixes_tell_a_real_auv_what_its_bottom_track_tells(run, tmp_path):
         return np.interp(np.arange(len(ned)), known, ned[known])
 
     over, depth = level("measured_bottom"), store.row("measured_depth", 0).astype(float)
-    moved = store.period * (over.sum() - 0.5 * over[[0, -1]].sum())
+    moved = np.trapezoid(over, dx=store.period)
     found, dac = solved(store, depth, level("measured_dvl"), moved, np.zeros(len(depth), bool))
     ahead, starboard, below = (store.row(n, 0).astype(float) for n in CELLS)
     each = over[:, None] - (ahead + 1j * starboard) * np.exp(1j * angles[2])[:, None]
