@@ -22,7 +22,6 @@ import numpy as np
 
 from benchmarks import command
 from learn.data.dataset import MissionSequence, Selection
-from twin.identify.speed import balance
 from twin.navigation.flight_filter import (
     CLEAN,
     HULLS,
@@ -32,6 +31,7 @@ from twin.navigation.flight_filter import (
 )
 from twin.records.reader import MissionStore
 from twin.vehicle.parts.pump import CUBIC_CM
+from twin.vehicle.steady_motion import balance
 from twin.vehicle.vehicle import Vehicle
 from twin.water.density import STANDARD_OCEAN
 

@@ -22,15 +22,16 @@ from twin.cli.text_table import counted
 from twin.errors import TwinError
 from twin.navigation.estimators.base import Estimate
 from twin.navigation.flight_filter import FlightFilter
-from twin.records.attributes import SETTINGS
+from twin.records.attributes import SETTINGS, is_logged
 from twin.records.coordinates import START_LATITUDE
-from twin.records.presence import read_attributes
+from twin.records.presence import is_complete, read_attributes
 from twin.records.reader import MissionStore
-from twin.records.storage.store_path import StorePath
+from twin.records.storage.store_path import StorePath, store_path
 from twin.vehicle.vehicle import Vehicle
 
-LEAST_JUDGED = 24
-"""Least number of missions that judge a run; one of two hours takes a second, flight included"""
+LEAST_JUDGED = 66
+"""Least number of missions that judge a run; one of two hours takes half a second of a processor,
+its flight included"""
 Say = Callable[[str], None]
 
 
@@ -52,13 +53,12 @@ def evaluate_run(
       further: store of `further_missions`, whose missions are all judged together with the split's;
         `watches` do not see them, since their numbers are those of other missions.
     """
-    logged = is_log_store(store)
     with MissionStore(store) as reader:
-        vehicle = reader.vehicle
+        vehicle, logged = reader.vehicle, reader.logged
+        at_fixes = None if logged else _consistency(run, reader)
     networks, hulls = run.networks(vehicle), _hulls(run, vehicle)
     outside = None if hulls is None else hulls.outside
     showcase, coverage = Showcase(), Coverage(run.error_model(), run.adapted, outside)
-    at_fixes = None if logged else _consistency(run, store)
     every: list[Watch] = [] if logged else [coverage.add]
     every += [] if at_fixes is None else [at_fixes.add]
     every += [] if hulls is None else [hulls.add]
@@ -182,6 +182,7 @@ class Hulls:
     def __init__(self, familiar: Familiarity, flight: FlightFilter) -> None:
         self._familiar, self._flight = familiar, flight
         self._found: list[tuple[float, str]] = []
+        self._last: tuple[MissionSequence, tuple[float, str]] | None = None
 
     def add(self, reference: Any, estimates: Mapping[str, Estimate]) -> None:
         """Score one mission."""
@@ -192,7 +193,10 @@ class Hulls:
         return self._score(mission)[0]
 
     def _score(self, mission: MissionSequence) -> tuple[float, str]:
-        return self._familiar.outside(np.array(ended(self._flight, mission)))
+        if self._last is None or self._last[0] is not mission:  # two callbacks ask for each
+            found = self._familiar.outside(np.array(ended(self._flight, mission)))
+            self._last = mission, found
+        return self._last[1]
 
     def figures(self) -> dict[str, Any]:
         """Share of scores above 1, median score, and the constant that sets most of the scores."""
@@ -213,20 +217,24 @@ def _hulls(run: Run, vehicle: Vehicle) -> Hulls | None:
     return Hulls(familiar, FlightFilter(vehicle, run.period, run.spread))
 
 
-def _consistency(run: Run, store: str | StorePath) -> FixConsistency | None:
+def _consistency(run: Run, reader: MissionStore) -> FixConsistency | None:
     """Consistency check at GPS fixes; None if the store lacks its missions' latitudes."""
-    with MissionStore(store) as reader:
-        if START_LATITUDE not in reader.dataset:
-            return None
-        latitude = float(np.median(reader.dataset[START_LATITUDE].to_numpy()))
-        stated = run.velocity_deviation(reader.vehicle)
+    if START_LATITUDE not in reader.dataset:
+        return None
+    latitude = float(np.median(reader.dataset[START_LATITUDE].to_numpy()))
+    stated = run.velocity_deviation(reader.vehicle)
     return FixConsistency(stated, math.degrees(run.error_model().heading_sd), latitude)
 
 
 def is_log_store(store: str | StorePath) -> bool:
-    """True if a store holds real logs."""
-    with MissionStore(store) as reader:
-        return reader.logged
+    """True if a store holds real logs.
+
+    Raises:
+      StoreError: there is no store.
+    """
+    if not is_complete(path := store_path(store)):
+        MissionStore(path).close()  # raises with the reason
+    return is_logged(read_attributes(path))
 
 
 def evaluation_split(run: Run) -> tuple[str, str]:

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from twin.identify.speed import balance
+from twin.vehicle.steady_motion import balance
 from twin.vehicle.vehicle import load_vehicle
 from twin.water.density import STANDARD_OCEAN
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twin.identify.speed import net_mass
 from twin.navigation.navigator import NavigationState
 from twin.navigation.settings import Navigation
 from twin.numbers import Array
@@ -19,6 +18,7 @@ from twin.physics.navigated import OnBoard
 from twin.physics.scenario import Scenario
 from twin.physics.start import Start
 from twin.physics.true_signals import LiveTruth
+from twin.vehicle.steady_motion import net_mass
 from twin.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:

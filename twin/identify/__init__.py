@@ -54,7 +54,6 @@ if TYPE_CHECKING:
     from twin.identify.rollout import Refinement as Refinement
     from twin.identify.rollout import refine as refine
     from twin.identify.speed import SpeedEstimate as SpeedEstimate
-    from twin.identify.speed import balance as balance
     from twin.identify.speed import density_of as density_of
     from twin.identify.speed import estimate as estimate
     from twin.identify.speed import estimate_speed as estimate_speed
@@ -75,5 +74,6 @@ if TYPE_CHECKING:
     from twin.identify.vehicle_file import with_consumption as with_consumption
     from twin.identify.vehicle_file import write_consumption as write_consumption
     from twin.identify.vehicle_file import write_vehicle as write_vehicle
+    from twin.vehicle.steady_motion import balance as balance
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

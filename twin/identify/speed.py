@@ -6,7 +6,6 @@ The model "flight" integrates the equation of motion; in "steady" forces balance
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
@@ -14,13 +13,11 @@ from typing import Literal
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
 
-from twin.compiled import jit
 from twin.errors import InputError, unknown_name
 from twin.identify.calibration import Array, Calibration, Mask, load_calibration
 from twin.identify.logged_missions import AFLOAT, Log, load_logs
 from twin.identify.translation import AttitudeFlight, Translation, Velocity, fly
-from twin.vehicle.parts.pump import CUBIC_CM
-from twin.vehicle.vehicle import Vehicle
+from twin.vehicle.steady_motion import balance
 
 FlightModel = Literal["flight", "steady"]
 MODELS: tuple[FlightModel, ...] = ("flight", "steady")
@@ -241,93 +238,3 @@ def estimate_speed(
     """
     calibration = vehicle if isinstance(vehicle, Calibration) else load_calibration(vehicle)
     return estimate(load_logs(store, [row])[0], calibration, model)
-
-
-ITERATIONS = 30
-"""Iterations of the fixed point. Each multiplies the error by 2 K_D alpha / (K_alpha tan(glide
-angle)), which is below 0.3 for glides steeper than 15 deg."""
-
-
-def net_mass(vehicle: Vehicle, pump: Array, depth: Array) -> Array:
-    """Net buoyancy mass [kg], + = heavy, at the reference density; pump [cm3], depth [m]."""
-    pressure = vehicle.reference_density * vehicle.gravity * depth
-    volume = (vehicle.neutral_volume + CUBIC_CM * pump) * (
-        1.0 - vehicle.hull_compressibility * pressure
-    )
-    return vehicle.mass - vehicle.reference_density * volume
-
-
-def balance(
-    vehicle: Vehicle, net: Array, roll: Array, pitch: Array, rates: Array
-) -> tuple[Array, Array, Array, Mask]:
-    """Steady motion at each sample.
-
-    Args:
-      net: net buoyancy mass [kg], (time,).
-      roll, pitch: [rad], (time,).
-      rates: roll, pitch and yaw rate [rad/s], body FRD, (3, time).
-
-    Returns:
-      Speed [m/s], angle of attack and sideslip [rad], and True where a steady motion exists. At an
-      inflection none exists, because no weight acts along the hull. Each (time,).
-    """
-    law = vehicle.flow_frame
-    inertia = vehicle.mass * np.eye(3) + vehicle.added_mass[:3, :3]
-    coefficients = np.array([*law.drag[:2], *law.lift[:2], law.side_force[0], law.blend_angle])
-    found = np.zeros((4, len(pitch)))
-    given = vehicle.gravity * np.asarray(net, float), roll, pitch, rates, inertia, coefficients
-    _balance(*(np.asarray(values, float) for values in given), found)
-    speed, alpha, beta, gliding = found
-    return speed, alpha, beta, gliding > 0.0
-
-
-@jit
-def _balance(pull, roll, pitch, rates, inertia, law, found):  # type: ignore[no-untyped-def]
-    """Write the fixed point of each sample into `found`; `pull` [N] is the weight in water."""
-    for k in range(len(pitch)):
-        down_x = -math.sin(pitch[k])
-        down_y = math.cos(pitch[k]) * math.sin(roll[k])
-        down_z = math.cos(pitch[k]) * math.cos(roll[k])
-        weight = pull[k] * down_x, pull[k] * down_y, pull[k] * down_z
-        turning = rates[0, k], rates[1, k], rates[2, k]
-        v, a, b, along = 0.0, 0.0, 0.0, 0.0
-        for _ in range(ITERATIONS):
-            before = v, a, b
-            along, v, a, b = balanced_forces(inertia, law, weight, turning, v, a, b)
-            if (v, a, b) == before:
-                break
-        found[0, k], found[1, k], found[2, k] = v, a, b
-        found[3, k] = along > 0.0 and abs(a) < law[5] and abs(b) < law[5]
-
-
-@jit
-def balanced_forces(inertia, law, weight, turning, v, a, b):  # type: ignore[no-untyped-def]
-    """Iterate once towards the balance from a speed [m/s], angle of attack and sideslip [rad].
-
-    Args:
-      inertia: with added mass, (3, 3).
-      law: K_D0, K_D, K_L0, K_alpha, K_beta and the largest angle [rad].
-      weight, turning: forces [N] and rates [rad/s], body FRD.
-
-    Returns:
-      the force [N] along the path, positive if a balance exists, and the next three numbers.
-    """
-    c_a, s_a, c_b, s_b = math.cos(a), math.sin(a), math.cos(b), math.sin(b)
-    surge, sway, heave = v * c_a * c_b, v * s_b, v * s_a * c_b
-    m0 = inertia[0, 0] * surge + inertia[0, 1] * sway + inertia[0, 2] * heave
-    m1 = inertia[1, 0] * surge + inertia[1, 1] * sway + inertia[1, 2] * heave
-    m2 = inertia[2, 0] * surge + inertia[2, 1] * sway + inertia[2, 2] * heave
-    p, q, r = turning
-    x = weight[0] + m1 * r - m2 * q
-    y = weight[1] + m2 * p - m0 * r
-    z = weight[2] + m0 * q - m1 * p
-    # Rows of R_BC^T (Zhang et al. 2013).
-    along = c_a * c_b * x + s_b * y + s_a * c_b * z
-    side = -c_a * s_b * x + c_b * y - s_a * s_b * z
-    normal = -s_a * x + c_a * z
-    if along <= 0.0:
-        return along, 0.0, 0.0, 0.0
-    square = along / (law[0] + law[1] * a * a)
-    attack = min(max((normal / square - law[2]) / law[3], -law[5]), law[5])
-    slip = min(max(-side / square / law[4], -law[5]), law[5])
-    return along, math.sqrt(square), attack, slip

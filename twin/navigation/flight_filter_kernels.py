@@ -10,10 +10,10 @@ import math
 import numpy as np
 
 from twin.compiled import jit
-from twin.identify.speed import balanced_forces
 from twin.navigation.dead_reckoning import RESTING_RATE, SHALLOW_DEPTH, SURFACE_DEPTH
 from twin.vehicle.laws.flow_frame import CROSS_FLOW, K_ALPHA, K_D, K_D0, LINEAR, native_wrench
 from twin.vehicle.parts.pump import CUBIC_CM
+from twin.vehicle.steady_motion import balanced_forces
 from twin.water.density import STANDARD_OCEAN
 
 CHANNELS = (

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from twin.errors import SimulationUnstable
 from twin.mission import Mission, Waypoint
@@ -251,6 +250,10 @@ def _stall_remark(scenario: Scenario, run: Trajectory) -> str:
     attack = np.abs(np.arctan2(heave, surge))
     stalled = (attack > law.blend_angle) & (run["true_depth"] > UNDER_WATER_M)
     width = round(LONG_STALL / scenario.sample_period) | 1
+    if 2 * np.count_nonzero(stalled) < width:  # the filters mirror a run's ends
+        return ""
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
     if not (stalled := maximum_filter1d(minimum_filter1d(stalled, width), width)).any():
         return ""
     return (

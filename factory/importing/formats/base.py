@@ -299,8 +299,8 @@ SLOCUM = Importer(
     files=".dbd .ebd .sbd .tbd .mbd .nbd with their .cac (beside the files, or `--cache FOLDER`); "
     "text of them (.dba .asc, as dbd2asc writes it); tables (csv, csv.gz, parquet) with the "
     "vehicle's own sensor names",
-    channels="attitude, ballast or oil volume, battery, rudder, CTD, GPS, on-board track, reported "
-    "current, thruster, batteries; `U_dvl_ms` becomes `true_speed`",
+    channels="attitude, pump, battery position, rudder, CTD, fixes, track, reported current, "
+    "batteries; `U_dvl_ms` as `true_speed`",
     suffixes=BINARY | CACHES | DBA | TABLES,
     marks=frozenset(
         {"m_depth", "m_pressure", "m_pitch", "U_dvl_ms", "og_north_m", "sci_water_pressure",
@@ -320,9 +320,8 @@ SEAGLIDER = Importer(
     name="seaglider",
     vehicle="Seaglider",
     files="basestation p*.nc; tables of samples, dives and ADCP",
-    channels="attitude, bladder, both battery axes, CTD, three fixes a dive, reported current, "
-    "batteries, pump power; the ADCP's inverse solution becomes `true_surge/sway/heave` "
-    "and `true_current_*`",
+    channels="attitude, bladder, battery position, CTD, fixes, reported current, batteries; an "
+    "ADCP as `true_*`",
     suffixes=TABLES | {".nc"},
     marks=frozenset(
         {"vbd_cc", "u_ttw", "gps2_lat", "gpsE_time", "eng_pitchAng", "log_gps_lat",
@@ -339,9 +338,7 @@ SEAEXPLORER = Importer(
     name="seaexplorer",
     vehicle="SeaExplorer glider",
     files=".gli and .pld logs, plain or gzip, comma or semicolon",
-    channels="attitude, ballast, both masses, declination, fixes, voltage; CTD of the payload. "
-    "Beam velocities of an AD2CP are left out: without their transform and a reference layer they "
-    "are no velocity through the water",
+    channels="attitude, ballast, masses, CTD, fixes, voltage; without the AD2CP's beam velocities",
     suffixes=TABLES,
     # the vehicle numbers its files: sea035.12.gli.sub.36
     name_words=frozenset({"gli", "pld1"}),
@@ -356,8 +353,8 @@ OG1 = Importer(
     name="og1",
     vehicle="any glider",
     files="OceanGliders OG1.0 netCDF, also what `factory export --to og1` writes",
-    channels="whatever of attitude, pressure, actuators, CTD, payload and fixes the file has; "
-    "values that its flags call bad (3, 4) are removed",
+    channels="attitude, pressure, actuators, CTD, payload, fixes; without values that flags 3 and "
+    "4 call bad",
     suffixes=frozenset({".nc"}),
     marks=frozenset(
         {"LATITUDE_GPS", "PLATFORM_SERIAL_NUMBER", "TRAJECTORY", "PHASE", "LATITUDE", "LONGITUDE",
@@ -374,8 +371,8 @@ NGDAC = Importer(
     vehicle="any glider",
     files="IOOS NGDAC netCDF, a profile a file, all of a deployment together; tables of the "
     "National Glider DAC's ERDDAP; time series of pyglider",
-    channels="depth, CTD, the file's track, reported current; attitude, actuators and fixes where "
-    "the file keeps the vehicle's own sensors; the fixes that a time series' track goes through",
+    channels="depth, CTD, track, reported current; attitude, actuators and fixes where the file "
+    "has them",
     suffixes=frozenset({".nc"}),
     marks=frozenset(
         {"profile_id", "profile_lat", "profile_lon", "profile_time", "lat_uv", "profile_index",
@@ -394,8 +391,8 @@ SPRAY = Importer(
     files="binned netCDF of spraydata.ucsd.edu, a line or a project a file, and its OG1.0 files of "
     "profiles without times of the samples (with such times: `og1`; profiles of the National "
     "Glider DAC: `ngdac`)",
-    channels="fixes and depth over time, made again of the middles of dives and profiles; CTD of "
-    "the climb, reported current. Attitude and actuators are not in these files",
+    channels="fixes, depth over time, CTD of the climb, reported current; no attitude, no "
+    "actuators",
     suffixes=frozenset({".nc"}),
     marks=frozenset(
         {"u_depth_mean", "v_depth_mean", "trajectory_index", "mission_profile", "time_profile",
@@ -416,8 +413,7 @@ PD0 = Importer(
     vehicle="any vehicle with a Doppler log of RDI",
     files="PD0 files of Pathfinder, Explorer, Workhorse and others, in beam, instrument, ship or "
     "earth axes",
-    channels="velocity through the water in hull axes with its standard deviation, velocity over "
-    "ground by bottom track, height above the bottom; depth and attitude that the file has",
+    channels="velocity through the water and over ground, height above the bottom, depth, attitude",
     suffixes=frozenset({".pd0", ".000", ".ens"}),
     marks=frozenset({"fixed leader", "variable leader"}),
     period=2.0,
@@ -432,8 +428,7 @@ CSV = Importer(
     name="csv",
     vehicle="any vehicle",
     files="tables with a --mapping file that names what each column is",
-    channels="what the mapping names: attitude, body rates, accelerations, DVL, depth, CTD, fixes, "
-    "track, controls by the names of their parts",
+    channels="those that the mapping names",
     suffixes=TABLES,
     marks=frozenset(),
     period=1.0,

@@ -16,8 +16,8 @@ LRAUV = Importer(
     name="lrauv",
     vehicle="long-range AUV",
     files=".mat (v7.3), .nc4, simulator csv",
-    channels="depth, attitude, temperature, fixes, on-board track, batteries; buoyancy, mass, "
-    "rudder, elevator, propeller and their commands by the names of the parts of `tethys`",
+    channels="depth, attitude, temperature, fixes, track, batteries, parts of `tethys` and their "
+    "commands",
     suffixes=frozenset({".mat", ".nc", ".nc4", ".csv", ".gz"}),
     marks=frozenset(
         {"EpochSeconds", "platform_pitch_angle", "latitude_fix", "time_fix",
@@ -34,9 +34,8 @@ MCAP = Importer(
     name="mcap",
     vehicle="any vehicle with ROS 2",
     files="MCAP files with ROS 2 messages, also what `factory export --to mcap` writes",
-    channels="of standard messages: attitude, rates and accelerations (Imu), depth and track "
-    "(Odometry), pressure, temperature, fixes, DVL by its topic; of other topics what a --mapping "
-    "file names",
+    channels="attitude, rates, accelerations, depth, track, pressure, temperature, fixes, DVL; "
+    "others by --mapping",
     suffixes=frozenset({".mcap"}),
     marks=frozenset(),
     first_bytes=(b"\x89MCAP0\r\n",),
@@ -71,8 +70,7 @@ ARDUSUB = Importer(
     name="ardusub",
     vehicle="vehicles with ArduSub",
     files="dataflash logs .BIN of ArduPilot",
-    channels="attitude, rates and accelerations, depth, the filter's track, fixes, battery; of "
-    "other messages, such as RCOU, what a --mapping file names",
+    channels="attitude, rates, accelerations, depth, track, fixes, battery; others by --mapping",
     suffixes=frozenset({".bin"}),
     marks=frozenset(),
     first_bytes=(b"\xa3\x95\x80",),
@@ -89,9 +87,8 @@ LSF = Importer(
     name="lsf",
     vehicle="LAUV and other vehicles with DUNE",
     files="logs .lsf and .lsf.gz of IMC, the messages of LSTS",
-    channels="attitude, rates, accelerations, depth, the filter's track, DVL over ground "
-    "and through the water, propeller, rudder and elevator of the four fins, CTD, fixes, battery; "
-    "of other messages what a --mapping file names",
+    channels="attitude, rates, accelerations, depth, track, DVL, propeller, fins, CTD, fixes, "
+    "battery; others by --mapping",
     suffixes=frozenset({".lsf"}),
     name_words=frozenset({"lsf"}),
     marks=frozenset(),
@@ -110,8 +107,8 @@ DORADO = Importer(
     vehicle="Dorado AUV",
     files="the vehicle's own .log of each instrument, netCDF of these, and products (`*_1S.nc`) by "
     "MBARI's auv-python; a folder is a mission",
-    channels="attitude, rates, depth, track, fixes, propeller, CTD; of products attitude, depth, "
-    "track, propeller, CTD; rudder, elevator, DVL and others by a --mapping file",
+    channels="attitude, rates, depth, track, fixes, propeller, CTD; fins, DVL and others by "
+    "--mapping",
     suffixes=frozenset({".log", ".nc"}),
     marks=frozenset(
         {"mPhi", "mTheta", "mPsi", "mOmega_x", "propRpm", "numberOfSatellites", "dvlBotVelx",

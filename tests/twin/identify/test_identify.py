@@ -26,7 +26,6 @@ from twin.identify import (
 )
 from twin.identify.logged_missions import gliding
 from twin.identify.pitch import PITCHING, righting_arm
-from twin.identify.speed import balance
 from twin.identify.turning_fit import TURNING
 from twin.identify.unknowns import PARAMETERS, choose, with_known
 from twin.identify.vehicle_file import vehicle_xml, write_vehicle
@@ -37,6 +36,7 @@ from twin.records.attributes import CONVENTIONS, READER_VERSION
 from twin.records.storage.checksums import store_hash
 from twin.records.store import write_store
 from twin.show.identification import residual_figure
+from twin.vehicle.steady_motion import balance
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 from twin.version import IMPORT_VERSION
 

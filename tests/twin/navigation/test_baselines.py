@@ -186,7 +186,7 @@ def _simulate_ekf_data(noise: EkfNoise, seed: int):
     truth[0, 4] = noise.initial_net_mass * rng.standard_normal()
     truth[0, 3] = 50.0
     for k in range(1, samples):
-        ahead = _predict(model, truth[k - 1], given, given, PERIOD)
+        ahead = _predict(model, tuple(truth[k - 1]), given, given, PERIOD)
         truth[k] = ahead + spread * rng.standard_normal(5)
     signals["measured_depth"] = truth[:, 3] + noise.depth * rng.standard_normal(samples)
     return signals, truth

@@ -24,10 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import jit
+from twin.compiled.elementary import cross, dot, scalar
 from twin.errors import InputError
 from twin.fossen.equations import skew
-from twin.fossen.forces import ForceParameters, damping_wrench, parameters_of
-from twin.identify.speed import net_mass
+from twin.fossen.forces import law_wrench
+from twin.fossen.terms import rows_times, sum3
 from twin.navigation.dead_reckoning import (
     RESTING_WINDOW_S,
     SHALLOW_DEPTH,
@@ -46,8 +47,12 @@ from twin.navigation.estimators.base import (
     State,
 )
 from twin.navigation.estimators.flight import GlideModel
+from twin.vehicle.laws import LAWS
+from twin.vehicle.steady_motion import net_mass
 from twin.vehicle.vehicle import Vehicle
 
+Matrix = tuple[float, ...]
+"""(3, 3), row by row"""
 STATES = 5
 SURGE, SWAY, HEAVE, DEPTH, NET_ERROR = range(STATES)
 SUBSTEPS = 2
@@ -101,17 +106,25 @@ class EkfRun(NamedTuple):
 
 
 class EkfModel(NamedTuple):
-    """Vehicle's equations and noise, in the form that compiled code takes."""
+    """Vehicle's equations and noise, in the form that compiled code takes; matrices row by row."""
 
-    forces: ForceParameters
-    inverse: Array
-    """Inverse of the inertia, (3, 3)"""
-    inertia: Array
-    coupling: Array
-    """M_vw, (3, 3): momentum per body rate, with the moving masses in neutral position"""
+    law: int
+    """Code of the type of hull law"""
+    law_values: Array
+    density: float
+    """[kg/m3] Reference density"""
+    gravity: float
+    """[m/s2]"""
+    inverse: Matrix
+    """[1/kg] Inverse of the inertia"""
+    inertia: Matrix
+    """[kg]"""
+    coupling: Matrix
+    """[kg m] M_vw: momentum per body rate, with the moving masses in neutral position"""
     process: Array
     """Process variances per second, (5,)"""
     depth_variance: float
+    """[m2]"""
 
 
 class Ekf(GlideModel):
@@ -224,65 +237,72 @@ class Ekf(GlideModel):
         moment = vehicle.static_mass * vehicle.static_cg
         for moving in vehicle.masses:
             moment = moment + moving.mass * moving.position(0.0, 0.0)
+        coupling = vehicle.added_mass[:3, 3:] - skew(moment)
+        matrices = np.linalg.inv(inertia), inertia, coupling
+        inverse, whole, moments = (tuple(one.ravel().tolist()) for one in matrices)
         return EkfModel(
-            parameters_of(vehicle, np.zeros(1), np.array([vehicle.reference_density])),
-            np.asarray(np.linalg.inv(inertia), np.float64),
-            inertia,
-            vehicle.added_mass[:3, 3:] - skew(moment),
-            np.array([q.acceleration**2] * 3 + [q.kinematic**2, q.net_mass**2]),
-            q.depth**2,
+            law=LAWS.code(vehicle.law.kind),
+            law_values=np.array(vehicle.law.values(), np.float64),
+            density=float(vehicle.reference_density),
+            gravity=float(vehicle.gravity),
+            inverse=inverse,
+            inertia=whole,
+            coupling=moments,
+            process=np.array([q.acceleration**2] * 3 + [q.kinematic**2, q.net_mass**2]),
+            depth_variance=q.depth**2,
         )
 
 
-# The loops below are plain: they compile several times faster than array expressions and BLAS
-# calls, and at five rows they run as fast.
-@jit
-def _rates(model: EkfModel, x: Array, given: Array) -> Array:
-    """dx/dt (5,) for inputs (down axis 3, rates 3, net mass)."""
-    nu = np.empty(6)
-    momentum = np.zeros(3)
-    for i in range(3):
-        nu[i] = x[i]
-        nu[i + 3] = given[i + 3]
-        for j in range(3):
-            momentum[i] += model.inertia[i, j] * x[j] + model.coupling[i, j] * given[j + 3]
-    force = damping_wrench(model.forces, nu, model.forces.reference_density)
-    weight = model.forces.gravity * (given[6] + x[4])
-    out = np.zeros(5)
-    for j in range(3):
-        one, two = (j + 1) % 3, (j + 2) % 3
-        turning = momentum[one] * nu[3 + two] - momentum[two] * nu[3 + one]
-        total = force[j] + weight * given[j] + turning
-        for i in range(3):
-            out[i] += model.inverse[i, j] * total
-        out[3] += given[j] * x[j]
-    return out
+# The state and the inputs are tuples: arrays would be allocated forty times a sample.
+@scalar
+def _rates(model, x, given):  # type: ignore[no-untyped-def]
+    """dx/dt, 5 numbers, for inputs (down axis 3, rates 3, net mass)."""
+    v, w, down = x[:3], given[3:6], given[:3]
+    momentum = sum3(rows_times(model.inertia, v), rows_times(model.coupling, w))
+    # at its reference density a law's coefficients count as they are
+    force = law_wrench(model.law, model.law_values, model.density, *v, *w)
+    weight, turning = model.gravity * (given[6] + x[4]), cross(momentum, w)
+    total = (
+        force[0] + weight * down[0] + turning[0],
+        force[1] + weight * down[1] + turning[1],
+        force[2] + weight * down[2] + turning[2],
+    )
+    ax, ay, az = rows_times(model.inverse, total)
+    return ax, ay, az, dot(down, v), 0.0
+
+
+@scalar
+def _moved(x, rate, step):  # type: ignore[no-untyped-def]
+    """x + step rate, of 5 numbers."""
+    return (
+        x[0] + step * rate[0], x[1] + step * rate[1], x[2] + step * rate[2],
+        x[3] + step * rate[3], x[4] + step * rate[4],
+    )  # fmt: skip
+
+
+@scalar
+def _between(before, after, part):  # type: ignore[no-untyped-def]
+    """Inputs, 7 numbers, at a part of the time from one sample to the next."""
+    return (
+        before[0] + part * (after[0] - before[0]), before[1] + part * (after[1] - before[1]),
+        before[2] + part * (after[2] - before[2]), before[3] + part * (after[3] - before[3]),
+        before[4] + part * (after[4] - before[4]), before[5] + part * (after[5] - before[5]),
+        before[6] + part * (after[6] - before[6]),
+    )  # fmt: skip
 
 
 @jit
-def _moved(x: Array, rate: Array, step: float) -> Array:
-    """x + step rate, element by element."""
-    out = np.empty(x.size)
-    for i in range(x.size):
-        out[i] = x[i] + step * rate[i]
-    return out
-
-
-@jit
-def _predict(model: EkfModel, x: Array, before: Array, after: Array, period: float) -> Array:
+def _predict(model, x, before, after, period):  # type: ignore[no-untyped-def]
     """State one sample later; inputs change linearly between two samples."""
-    h, change = period / SUBSTEPS, _moved(after, before, -1.0)
+    h = period / SUBSTEPS
     for step in range(SUBSTEPS):
-        start = _moved(before, change, step / SUBSTEPS)
-        middle = _moved(before, change, (step + 0.5) / SUBSTEPS)
-        end = _moved(before, change, (step + 1.0) / SUBSTEPS)
-        k1 = _rates(model, x, start)
+        middle = _between(before, after, (step + 0.5) / SUBSTEPS)
+        k1 = _rates(model, x, _between(before, after, step / SUBSTEPS))
         k2 = _rates(model, _moved(x, k1, 0.5 * h), middle)
         k3 = _rates(model, _moved(x, k2, 0.5 * h), middle)
-        k4 = _rates(model, _moved(x, k3, h), end)
-        x = x.copy()
-        for i in range(x.size):
-            x[i] += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
+        k4 = _rates(model, _moved(x, k3, h), _between(before, after, (step + 1.0) / SUBSTEPS))
+        mean = _moved(_moved(_moved(k1, k2, 2.0), k3, 2.0), k4, 1.0)
+        x = _moved(x, mean, h / 6.0)
     return x
 
 
@@ -313,19 +333,19 @@ def _filtered(  # type: ignore[no-untyped-def]
     covariances = np.zeros((n, 5, 5))
     innovations = np.zeros(n)
     expected = np.zeros(n)
-    jacobian = np.empty((5, 5))
+    unit, jacobian, gains = np.eye(5), np.eye(5), np.zeros(5)
     keep = np.zeros((5, 5))
     before = carried[:7].copy()
-    x = carried[7:12].copy()
+    x = (carried[7], carried[8], carried[9], carried[10], carried[11])
     cov = carried[12:37].copy().reshape((5, 5))
     for k in range(n):
         after = inputs[k]
         if not math.isnan(before[0]):
             ahead = _predict(model, x, before, after, period)
             for j in range(5):
-                nudged = x.copy()
-                nudged[j] += NUDGE
-                there = _predict(model, nudged, before, after, period)
+                if j == DEPTH:  # no rate depends on the depth
+                    continue
+                there = _predict(model, _moved(x, unit[j], NUDGE), before, after, period)
                 for i in range(5):
                     jacobian[i, j] = (there[i] - ahead[i]) / NUDGE
             x = ahead
@@ -339,9 +359,9 @@ def _filtered(  # type: ignore[no-untyped-def]
         for i in range(5):
             for j in range(5):
                 keep[i, j] = 1.0 if i == j else 0.0
-            gain = cov[i, 3] / variance
-            keep[i, 3] -= gain
-            x[i] += gain * innovation
+            gains[i] = cov[i, 3] / variance
+            keep[i, 3] -= gains[i]
+        x = _moved(x, gains, innovation)
         cov = _congruent(keep, cov)
         for i in range(5):
             for j in range(5):

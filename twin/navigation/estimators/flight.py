@@ -26,7 +26,6 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 
 from twin.errors import InputError
-from twin.identify.speed import balance, net_mass
 from twin.identify.unknowns import draw_vehicles
 from twin.navigation.dead_reckoning import (
     Array,
@@ -50,6 +49,7 @@ from twin.navigation.estimators.base import (
 )
 from twin.navigation.flight_filter import FlightFilter, FlightSpread
 from twin.navigation.flight_filter_kernels import CHANNELS
+from twin.vehicle.steady_motion import balance, net_mass
 from twin.vehicle.vehicle import Vehicle
 
 REFERENCE_PITCH = math.radians(26.0)
