@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.real_logs.row import CENTRAL, DRAWS, SEED
-from factory.importing import DeploymentLog, ReadOptions, Tally
-from factory.importing.import_run import read_logs
+from benchmarks.real_logs.row import DRAWS, SEED
+from factory.importing.doppler.hull_velocity import hull_velocity
+from factory.importing.doppler.pd0 import read_pd0
+from factory.importing.doppler.screens import Thresholds
 from twin.navigation.dead_reckoning import Array
 
 LEAST = 300
 """Fewest ensembles of a bin of pitch."""
 WIDTH = 1.0
 """[degree] Width of a bin of pitch."""
+STEEP = 15.0
+"""[degree] Pitch beyond which a hull glides."""
 MINUTE = 60.0
 """[s] Samples within it share water and errors; the bootstrap draws whole minutes."""
 
@@ -26,85 +28,76 @@ class Ensembles(NamedTuple):
 
     time: Array
     """[s] Unix time"""
-    depth: Array
-    """[m]"""
     pitch: Array
     """[degree] Positive nose up"""
     surge: Array
     """[m/s] Forward, through the water"""
     heave: Array
     """[m/s] Down, through the water"""
-    surge_deviation: Array
-    """[m/s] Standard deviation"""
-    heave_deviation: Array
-    """[m/s] Standard deviation"""
 
     @property
-    def attack(self) -> Array:
-        """[degree] Angle of attack of each ensemble, positive in dives."""
-        return np.asarray(np.degrees(np.arctan2(self.heave, self.surge)))
+    def sides(self) -> tuple[Array, Array]:
+        """Masks of dives and of climbs, (ensembles,) each."""
+        return self.pitch < -STEEP, self.pitch > STEEP
+
+    def where(self, use: Array) -> Ensembles:
+        """Select ensembles by a mask, (ensembles,)."""
+        return Ensembles(*(values[use] for values in self))
 
 
-def ensembles_of(log: DeploymentLog) -> Ensembles:
-    """Ensembles of a log that holds the velocities of a Doppler log."""
-    time = log.channel("measured_dvl_surge").time
-    names = ("depth", "pitch", "dvl_surge", "dvl_heave", "dvl_surge_deviation",
-             "dvl_heave_deviation")  # fmt: skip
-    values = [log.channel(f"measured_{name}").known(time) for name in names]
-    known = np.isfinite(np.stack(values)).all(axis=0)
-    return Ensembles(time[known], *(v[known] for v in values))
+def read_ensembles(path: Path, scale: float = 1.0) -> Ensembles:
+    """Read the good ensembles of a PD0 file.
+
+    Args:
+      scale: factor on the thresholds of the screens, as `Thresholds.scaled`.
+
+    Raises:
+      InputError: the file is no PD0, or shows no sound velocity through the water.
+    """
+    limits = Thresholds().scaled(scale)
+    found = hull_velocity(path.name, read_pd0(path).layouts, None, limits)
+    values = (np.degrees(found.pitch), found.water[:, 0], found.water[:, 2])
+    return Ensembles(found.log.time, *values).where(found.kept & np.isfinite(found.pitch))
 
 
-def read_ensembles(path: Path) -> Ensembles:
-    """Read the ensembles of a PD0 file; errors as `factory.importing.import_logs`."""
-    return ensembles_of(read_logs("pd0", [path], ReadOptions(), Tally())[1][0])
-
-
-class AttackBin(NamedTuple):
-    """Angle of attack of the ensembles in a bin of pitch."""
+class MeanAttack(NamedTuple):
+    """Angle of attack of some ensembles."""
 
     pitch: float
     """[degree] Mean"""
     attack: float
     """[degree] Of the mean velocity"""
-    low: float
-    high: float
-    """[degree] Limits of the 95 % interval, by bootstrap over minutes; a tilt of the mount that is
-    not known adds to it, alike in dives and climbs"""
-    surge: float
-    """[m/s] Mean"""
+    draws: Array
+    """[degree] The same of bootstrap samples of whole minutes, (draws,); a tilt of the mount that
+    is not known adds to all, alike in dives and climbs"""
     ensembles: int
+    minutes: int
 
 
-def attack_by_pitch(
-    found: Ensembles, *, width: float = WIDTH, least: int = LEAST
-) -> list[AttackBin]:
-    """Angle of attack in bins of pitch [degree] with enough ensembles, nose down first."""
-    bins = np.floor(found.pitch / width)
-    rng = np.random.default_rng(SEED)
-    rows = []
-    for one in np.unique(bins):
-        use = bins == one
-        if use.sum() < least:
-            continue
-        surge, heave = found.surge[use], found.heave[use]
-        minute = np.unique(np.floor(found.time[use] / MINUTE), return_inverse=True)[1]
-        sums = np.stack([np.bincount(minute, v) for v in (heave, surge)])
-        drawn = rng.integers(sums.shape[1], size=(DRAWS, sums.shape[1]))
-        angles = np.degrees(np.arctan2(*sums[:, drawn].sum(axis=2)))
-        low, high = np.percentile(angles, CENTRAL)
-        rows.append(AttackBin(
-            pitch=float(found.pitch[use].mean()),
-            attack=float(np.degrees(np.arctan2(heave.sum(), surge.sum()))),
-            low=float(low), high=float(high), surge=float(surge.mean()), ensembles=int(use.sum()),
-        ))  # fmt: skip
-    return rows
+def mean_attack(found: Ensembles) -> MeanAttack:
+    """Average the velocities of ensembles, at least one."""
+    minute = np.unique(np.floor(found.time / MINUTE), return_inverse=True)[1]
+    sums = np.stack([np.bincount(minute, v) for v in (found.heave, found.surge)])
+    drawn = np.random.default_rng(SEED).integers(sums.shape[1], size=(DRAWS, sums.shape[1]))
+    return MeanAttack(
+        pitch=float(found.pitch.mean()),
+        attack=float(np.degrees(np.arctan2(*sums.sum(axis=1)))),
+        draws=np.degrees(np.arctan2(*sums[:, drawn].sum(axis=2))),
+        ensembles=len(found.time), minutes=sums.shape[1],
+    )  # fmt: skip
 
 
-def attacks(paths: Sequence[Path]) -> list[dict[str, object]]:
-    """Rows of a table: angle of attack by pitch of every file."""
-    return [
-        {"file": path.name, **row._asdict()}
-        for path in paths
-        for row in attack_by_pitch(read_ensembles(path))
-    ]
+def both_sides(found: Ensembles) -> tuple[MeanAttack, MeanAttack]:
+    """Average the velocities of dives, and of climbs."""
+    down, up = (mean_attack(found.where(side)) for side in found.sides)
+    return down, up
+
+
+def attack_by_pitch(found: Ensembles, least: int = LEAST) -> dict[int, MeanAttack]:
+    """Angle of attack in bins of pitch with enough ensembles, nose down first.
+
+    A key is the bin's least pitch in widths [degree].
+    """
+    bins = np.floor(found.pitch / WIDTH).astype(int)
+    counts = zip(*np.unique(bins, return_counts=True), strict=True)
+    return {int(k): mean_attack(found.where(bins == k)) for k, n in counts if n >= least}

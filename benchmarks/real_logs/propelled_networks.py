@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import pickle
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.real_logs.propelled_combination import Parts
 from benchmarks.real_logs.propelled_runs import PERIOD, Run, runs_of, scaled
 from benchmarks.real_logs.propelled_speeds import depth_terms
 from benchmarks.real_logs.samples import Samples
@@ -40,7 +42,13 @@ VEHICLES, HOURS = ("remus", "tethys"), 4.0
 """Simulated vehicles, and hours of missions of both together"""
 MISSIONS = {"mission.duration_h": "0.5", "mission.segment_duration_s": "uniform(200, 600)"}
 """Missions about as short as the logs; the first minutes are at the surface"""
-NETWORKS = ("network, real only", "network, simulation only", "network, simulation then real")
+TRAININGS = {
+    "network, real only": SCG,
+    "network, simulation only": None,
+    "network, simulation then real": TUNED,
+}
+"""Training on real runs of each kind of network; None: without"""
+NETWORKS = tuple(TRAININGS)
 TARGETS = ("surge", "sway")
 Pretrained = Mapping[tuple[str, ...], Mapping[str, Predictor]]
 """Networks trained on simulation, by inputs and target"""
@@ -93,28 +101,32 @@ def samples(run: Run, names: Sequence[str], target: str) -> Samples:
 
 
 def network_velocities(
-    train: Sequence[Run],
-    held: Sequence[Run],
-    tests: Sequence[Run],
-    pretrained: Pretrained,
-    seed: int,
+    parts: Parts, tests: Sequence[Run], pretrained: Pretrained, seed: int
 ) -> list[dict[str, Array]]:
-    """Surge and sway [m/s], (2, time), of held-out runs and of the tests, by each network."""
-    every = [*train, *held, *tests]
+    """Surge and sway [m/s], (2, time), of held-out runs and of the tests, by each network.
+
+    Held-out runs stop a training early; the tests have the mean over trainings.
+    """
+    every = [*tests, *(run for used, held in parts[:1] for run in (*used, *held))]
     have = set.intersection(*(set(run.signals) for run in every))
     have |= {"depth_rate"} if "depth" in have else set()
     names = next(some for some in reversed(INPUTS) if have.issuperset(some))
-    found: dict[str, list[list[Array]]] = {name: [] for name in NETWORKS}
-    for target in TARGETS:
-        real, kept, asked = (
-            [samples(run, names, target) for run in runs] for runs in (train, held, tests)
+
+    def answers(name: str, target: str, used: Sequence[Run], held: Sequence[Run]) -> list[Array]:
+        train, stop, asked = (
+            [samples(run, names, target) for run in runs] for runs in (used, held, tests)
         )
-        first = pretrained[names][target]
-        fit = functools.partial(fit_network, real, kept, names, seed=seed, network=ELMAN)
-        networks = fit(config=SCG), first, fit(config=TUNED, start=first)
-        for name, network in zip(NETWORKS, networks, strict=True):
-            found[name].append(predict(network, [*kept, *asked]))
-    return [
-        {name: np.stack([surges[k], sways[k]]) for name, (surges, sways) in found.items()}
-        for k in range(len(held) + len(tests))
-    ]
+        first, config = pretrained[names][target], TRAININGS[name]
+        start = None if name == NETWORKS[0] else first
+        fit = functools.partial(fit_network, train, stop, names, seed=seed, network=ELMAN)
+        return predict(first if config is None else fit(config, start=start), [*stop, *asked])
+
+    count = len(tests)
+    found: list[dict[str, list[Array]]] = [{} for _ in range(count + sum(len(h) for _, h in parts))]
+    for name, target in itertools.product(NETWORKS, TARGETS):
+        each = [answers(name, target, *part) for part in parts]
+        early = [one for some in each for one in some[:-count]]
+        late = [np.mean(some, axis=0) for some in zip(*(s[-count:] for s in each), strict=True)]
+        for one, velocity in zip(found, [*early, *late], strict=True):
+            one.setdefault(name, []).append(velocity)
+    return [{name: np.stack(pair) for name, pair in one.items()} for one in found]

@@ -93,20 +93,25 @@ def propulsion(run: Run) -> Propulsion:
     return Propulsion(speed, run.signals.get("power", speed), depth, run.surge, run.period)
 
 
+def levels(values: Array, seconds: float, period: float) -> tuple[Array, Array]:
+    """Means of values, (n, time), over some seconds, and the logarithms of their noise."""
+    mean = smooth(values, seconds, period)
+    square = smooth(values**2, seconds, period) - mean**2
+    return mean, np.log(np.sqrt(np.maximum(square, 0.0)) + 1e-3)
+
+
 def noise(train: Sequence[Run]) -> Predict:
     """Linear regression on the logarithms of the rates' noise, a hull's answer to its own flow."""
 
-    def levels(run: Run) -> Array:
+    def noises(run: Run) -> Array:
         rates = np.stack([run.signals[name] for name in "pqr"])
-        mean = smooth(rates, NOISE_WINDOW, run.period)
-        square = smooth(rates**2, NOISE_WINDOW, run.period) - mean**2
-        return np.log(np.sqrt(np.maximum(square, 0.0)) + 1e-3).T
+        return levels(rates, NOISE_WINDOW, run.period)[1].T
 
-    matrix, surge = known(train, levels), known(train, lambda run: run.surge)
+    matrix, surge = known(train, noises), known(train, lambda run: run.surge)
     middle, scale = matrix.mean(axis=0), matrix.std(axis=0)
     x = (matrix - middle) / scale
     slopes = np.linalg.solve(x.T @ x + PENALTY * len(x) * np.eye(3), x.T @ (surge - surge.mean()))
-    return lambda run: surge.mean() + np.clip((levels(run) - middle) / scale, -3.0, 3.0) @ slopes
+    return lambda run: surge.mean() + np.clip((noises(run) - middle) / scale, -3.0, 3.0) @ slopes
 
 
 METHODS: dict[str, tuple[Callable[[Sequence[Run]], Predict], set[str]]] = {
@@ -137,8 +142,8 @@ def standing_samples(run: Run, quiet: float) -> Mask:
 
 def limit_surge(run: Run, surge: Array, quiet: float, method: str) -> Array:
     """Surge below the largest one that the depth rate leaves, 0 where the vehicle stands."""
-    if method == THRUST:
-        return surge  # it coasts by itself
+    if method == THRUST or (method.startswith("network") and "propeller" in run.signals):
+        return surge  # they coast by themselves
     if "depth" in run.signals and "propeller" not in run.signals:
         largest = largest_surge(run.signals["depth"], run.signals["pitch"], run.period)
         surge = np.minimum(surge, largest)

@@ -28,7 +28,7 @@ MEASURED = Path(__file__).with_name("measured.json")
 compares docs/results/real_logs.md with them"""
 UNITS = {
     "m s-1": ("cm/s", 100.0, 2), "m h-1": ("m/h", 1.0, 0), "1": ("ratio", 1.0, 2),
-    "%": ("%", 1.0, 1),
+    "%": ("%", 1.0, 1), "degree": ("deg", 1.0, 2),
 }  # fmt: skip
 """Unit on the page, factor and digits, by the unit of a row"""
 DRAWS = 2000
@@ -36,14 +36,14 @@ SEED = 20221123
 """Seed of the bootstrap: intervals are the same in every run"""
 CENTRAL = (2.5, 97.5)
 """[%] Percentiles of a 95 % interval"""
-WIDEST = 8
+WIDEST = 9
 """Most columns of methods on the page; more stand in lines"""
 LEAST_DIVES = 4
 """Fewest dives for an interval"""
 
 Interval = tuple[float, float]
 UNKNOWN: Interval = (float("nan"), float("nan"))
-Kind = Literal["published", "public method", "twin", "network", "floor", "skipped"]
+Kind = Literal["published", "public method", "twin", "network", "floor", "truth", "skipped"]
 NOT_COMPARED: tuple[Kind, ...] = ("published", "floor", "skipped")
 
 
@@ -79,7 +79,8 @@ def best(rows: Sequence[Row]) -> list[Row]:
     """Select the row of least error for each task, deployment, unit and samples."""
     groups: dict[tuple[object, ...], list[Row]] = {}
     for row in rows:
-        if row.kind not in NOT_COMPARED and math.isfinite(row.value):
+        # an angle is signed: its least is not its best
+        if row.kind not in NOT_COMPARED and row.unit != "degree" and math.isfinite(row.value):
             groups.setdefault((row.task, row.data, row.unit, row.samples), []).append(row)
     return [min(group, key=lambda r: r.value) for group in groups.values() if len(group) > 1]
 
@@ -265,7 +266,8 @@ def kept(path: Path = MEASURED) -> list[Row]:
 def markdown(rows: Sequence[Row], task: str) -> str:
     """Table of one task in Markdown: a line for each method if there is one deployment, else a line
     for each deployment, or for each of many methods. The best figure at equal samples is bold."""
-    mine = [row for row in rows if row.task == task and row.kind not in NOT_COMPARED]
+    hidden = ("published", "skipped") if task.endswith("beside bounds") else NOT_COMPARED
+    mine = [row for row in rows if row.task == task and row.kind not in hidden]
     data = list(dict.fromkeys(row.data for row in mine))
     methods = list(dict.fromkeys(row.method for row in mine))
     cells = {(row.data, row.method): _cell(row, best(mine)) for row in mine}
@@ -304,7 +306,8 @@ def _cell(row: Row, winners: Sequence[Row]) -> str:
 
 
 def _samples(row: Row) -> str:
-    one = "run" if row.task.startswith("propelled") else "dive"
+    words = {"propelled": "run", "angle of": "minute"}
+    one = next((word for start, word in words.items() if row.task.startswith(start)), "dive")
     if row.samples == row.dives:
         return f"{row.dives} {one}s"
     return f"{row.samples} in {row.dives} {one}{'s' if row.dives > 1 else ''}"

@@ -12,6 +12,7 @@ from typing import Any
 
 from benchmarks.real_logs import (
     adcp,
+    attack,
     dvl,
     fixes,
     left_out,
@@ -36,6 +37,7 @@ SECTIONS = {
     "left-out": (left_out.TASK, left_out.RATIO),
     "fixes": (*RATES, fixes.TRACK),
     "propelled": propelled.TASKS,
+    "attack": attack.TASKS,
 }
 """Tasks of each section, which run together; each task is a table"""
 TASKS = (*(task for tasks in SECTIONS.values() for task in tasks), "skipped")
@@ -114,7 +116,7 @@ def run_benchmark(
         tempfile.TemporaryDirectory(prefix="glider-benchmark-") as work,
         mapping(workers) as each,
     ):
-        gliders = set(only) != {"propelled"}
+        gliders = not set(only) <= {"propelled", "attack"}
         deployments, skipped = gather(root, Path(work), say) if gliders else ([], [])
         rows = [
             Row(task="skipped", data=part.name, method="", kind="skipped", note=part.why)
@@ -219,9 +221,14 @@ def _propelled(work: Work) -> list[Row]:
     ]
 
 
+def _attacks(work: Work) -> list[Row]:
+    work.say("angle of attack by Doppler logs")
+    return [row for folder in sorted(work.root.glob("slocum_*")) for row in attack.rows_of(folder)]
+
+
 JUDGES = {
     "speed": _speeds, "fixes": _fixes, "surge": _surges, "left-out": _left_out,
-    "propelled": _propelled,
+    "propelled": _propelled, "attack": _attacks,
 }  # fmt: skip
 """Function that computes the rows of each section"""
 

@@ -4,7 +4,8 @@ import numpy as np
 import pd0_files
 import pytest
 
-from benchmarks.real_logs.ensembles import attack_by_pitch, attacks, read_ensembles
+from benchmarks.real_logs.ensembles import attack_by_pitch, read_ensembles
+from benchmarks.real_logs.row import central
 
 
 @pytest.fixture
@@ -19,18 +20,25 @@ def path(tmp_path):
 def test_dives_and_climbs_have_their_own_angle_of_attack(path):
     found = read_ensembles(path)
     assert len(found.time) > 1150
-    assert np.median(found.attack[found.pitch < 0.0]) == pytest.approx(3.5, abs=0.5)
-    down, up = attack_by_pitch(found)
+    bins = attack_by_pitch(found)
+    assert list(bins) == [-26, 25]
+    down, up = bins.values()
     assert (down.pitch, up.pitch) == (pytest.approx(-25.5), pytest.approx(25.5))
     assert down.attack == pytest.approx(3.5, abs=0.4)
     assert up.attack == pytest.approx(-2.0, abs=0.4)
     # independent noise: the interval is four standard errors wide
     heave = 0.03 * np.tan(np.radians(30.0)) / np.sqrt(2.0) / np.sin(np.radians(30.0)) / np.sqrt(2.0)
     width = 4.0 * np.degrees(heave / 0.4) / np.sqrt(down.ensembles)
-    assert down.high - down.low == pytest.approx(width, rel=0.3)
-    assert down.low < down.attack < down.high
+    low, high = central(down.draws)
+    assert high - low == pytest.approx(width, rel=0.3)
+    assert low < down.attack < high
 
 
 def test_bins_with_few_ensembles_are_left_out(path):
-    assert attack_by_pitch(read_ensembles(path), least=700) == []
-    assert [row["file"] for row in attacks([path])] == ["a.pd0", "a.pd0"]
+    assert attack_by_pitch(read_ensembles(path), least=700) == {}
+
+
+def test_tighter_thresholds_keep_a_part_of_the_ensembles(path):
+    every, tight = read_ensembles(path), read_ensembles(path, 0.2)
+    assert 0 < len(tight.time) < len(every.time)
+    assert set(tight.time) < set(every.time)

@@ -10,6 +10,7 @@ from logs import SHARED, sailfish_columns
 from benchmarks import command
 from benchmarks.real_logs import propelled, propelled_networks
 from benchmarks.real_logs.__main__ import main
+from benchmarks.real_logs.propelled_combination import gain
 from benchmarks.real_logs.propelled_runs import Run, gather, gridded
 from benchmarks.real_logs.propelled_speeds import METHODS
 from benchmarks.real_logs.row import Row, keep, markdown
@@ -56,6 +57,9 @@ def test_every_method_is_scored_and_the_balance_of_thrust_knows_an_unseen_run():
     assert set(METHODS) < set(surge)
     assert surge["balance of thrust"].value < 0.3 * surge["constant speed"].value
     assert surge["combination"].value < 0.5 * surge["constant speed"].value
+    bounds = {r.method: r.value for r in rows if r.task == propelled.BOUND and r.data == "made-up"}
+    assert bounds[propelled.FLOORS[1]] < surge["linear in rpm"].value  # one of its lines
+    assert propelled.FLOORS[1] in markdown(rows, propelled.BOUND)
     assert surge["balance of thrust"].low < surge["balance of thrust"].value
     standing = {r.method: r.value for r in rows if r.task == propelled.STANDING}
     assert standing["standing, found"] > 60.0
@@ -64,6 +68,7 @@ def test_every_method_is_scored_and_the_balance_of_thrust_knows_an_unseen_run():
     assert path["constant speed"] < path[propelled.PLAIN]
     ratio = {r.method: r for r in rows if r.task == propelled.RATIO and r.data == "made-up"}
     assert ratio["combination"].high < 1.0
+    assert all(one.value < 1.02 for one in ratio.values())  # methods that do harm are shrunk
     assert "| other |" in markdown(rows, propelled.LEFT_OUT).replace("made-up | ", "| ")
 
 
@@ -80,8 +85,7 @@ def test_no_method_reads_the_velocity_of_the_run_that_is_left_out():
 def test_the_default_of_a_log_is_the_best_of_its_first_half():
     run = made(0)
     wrong = np.full((2, TIME.size), 0.4)
-    found = {"constant speed": wrong, "combination": 2.0 * wrong}
-    found["balance of thrust"] = np.stack([run.surge, run.sway])
+    found = {"constant speed": wrong, "combination": np.stack([run.surge, run.sway])}
     second, kept = propelled.halves(run, found)
     assert second.surge.size == TIME.size // 2
     np.testing.assert_array_equal(kept[propelled.DEFAULT][0], second.surge)
@@ -92,9 +96,9 @@ def test_the_default_of_a_log_is_the_best_of_its_first_half():
 def test_networks_are_kept_for_the_next_call(tmp_path, monkeypatch):
     asked = []
 
-    def predicted(used, held, tests, pretrained, seed):
+    def predicted(parts, tests, pretrained, seed):
         asked.append(tests[0].name)
-        runs = [*held, *tests]
+        runs = [*(run for _, held in parts for run in held), *tests]
         return [{n: np.stack([r.surge, r.sway]) for n in propelled.NETWORKS} for r in runs]
 
     monkeypatch.setattr(propelled, "network_velocities", predicted)
@@ -104,6 +108,16 @@ def test_networks_are_kept_for_the_next_call(tmp_path, monkeypatch):
     assert set(propelled.NETWORKS) < set(first)
     for name, velocity in first.items():
         np.testing.assert_array_equal(velocity, second[name])
+
+
+def test_a_method_is_kept_by_what_it_gains_in_every_held_out_run():
+    wanted = [made(k).surge - 0.9 for k in range(5)]
+    for scale, kept in ((1.0, 1.0), (2.0, 0.5), (-1.0, 0.0)):
+        assert gain([scale * off for off in wanted], wanted, range(5)) == pytest.approx(kept)
+    signs = (1.0, -1.0, 1.0, -1.0, 0.1)
+    by_chance = [sign * off for sign, off in zip(signs, wanted, strict=True)]
+    assert gain(by_chance, wanted, range(5)) < 0.1
+    assert gain(wanted, wanted, [7] * 5) == 0.0  # one vehicle says nothing of another
 
 
 def iver2(folder, runs=3):
@@ -166,6 +180,7 @@ def test_public_runs_are_known_better_than_by_a_constant_speed():
     rows = propelled.rows_of(some, jobs, [propelled.run(job) for job in jobs])
     surge = {(r.data, r.method): r for r in rows if r.task == propelled.SURGE}
     assert surge["Iver2", "combination"].value < 0.16
+    assert surge["Sailfish", "combination"].value < surge["Sailfish", "constant speed"].value
     assert surge["Iver2", "constant speed"].value > 0.4
     assert surge["Sailfish", "noise of the rates"].value < 0.6
     assert surge["Sailfish", "constant speed"].value > 0.7
@@ -177,17 +192,17 @@ def test_public_runs_are_known_better_than_by_a_constant_speed():
 def test_each_network_predicts_held_out_and_left_out_runs(monkeypatch):
     small = NetworkConfig(kind="elman", hidden=4, layers=1, delays=2)
     monkeypatch.setattr(propelled_networks, "ELMAN", small)
-    for name, epochs in (("SCG", 10), ("TUNED", 10)):
-        brief = dataclasses.replace(propelled_networks.SCG, epochs=epochs, validations=2)
-        monkeypatch.setattr(propelled_networks, name, brief)
+    brief = dataclasses.replace(propelled_networks.SCG, epochs=10, validations=2)
+    monkeypatch.setattr(propelled_networks, "SCG", brief)
+    for name in (propelled.NETWORKS[0], propelled.NETWORKS[2]):
+        monkeypatch.setitem(propelled_networks.TRAININGS, name, brief)
     runs = [made(k) for k in range(5)]
     lost = dataclasses.replace(runs[0], surge=np.where(TIME < 60.0, np.nan, runs[0].surge))
     names = propelled_networks.INPUTS[-1]
     slow = [dataclasses.replace(run, surge=0.5 * run.surge) for run in runs]  # as simulation is off
     table = {t: propelled_networks.pretrain(slow, names, t, 0) for t in propelled_networks.TARGETS}
-    found = propelled_networks.network_velocities(
-        [lost, *runs[1:3]], [runs[3]], [runs[4]], {names: table}, 0
-    )
+    parts = [([lost, *runs[1:3]], [runs[3]])]
+    found = propelled_networks.network_velocities(parts, [runs[4]], {names: table}, 0)
     assert [set(one) for one in found] == [set(propelled.NETWORKS)] * 2
     for one in found:
         assert all(velocity.shape == (2, TIME.size) for velocity in one.values())

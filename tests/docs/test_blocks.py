@@ -75,12 +75,12 @@ RUN = {
         "tests/twin/water/test_current_registry.py": 1,
     },
     "docs/reference/factory.md": {
-        HERE: 5,
+        HERE: 4,
         "tests/factory/test_windows.py": 2,
         "tests/factory/exporting/test_exporters.py": 1,
     },
     "docs/reference/import.md": {HERE: 1},
-    "docs/reference/missions.md": {"tests/twin/mission/test_mission.py": 8},
+    "docs/reference/missions.md": {"tests/twin/mission/test_mission.py": 5},
     "docs/reference/networks.md": {"tests/learn/test_registries.py": 1},
     "docs/reference/sensors.md": {"tests/test_registry.py": 3},
     "docs/howto/watch.md": {"plugins/ops/tests/watching/test_sources.py": 1},
@@ -162,12 +162,6 @@ def test_navigation_runs(lesson):
 def test_a_log_as_a_time_series_runs(lesson):
     lesson.run(text_of("reference/factory.md", "As a time series"))
     assert lesson.session["series"].sizes["time"] > 1000
-
-
-def test_the_factory_in_python_runs(lesson):
-    (program,) = [t for _, t in blocks("docs/reference/factory.md") if "summary = generate(" in t]
-    lesson.python(program.replace("hours=1.0", "hours=0.2"))
-    assert lesson.session["run"].parameters(0).values["vehicle.k_m"] > 0.0
 
 
 def test_files_of_the_factory_are_read(folder):

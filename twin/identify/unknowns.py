@@ -161,7 +161,8 @@ PARAMETERS: tuple[UnknownParameter, ...] = (
     UnknownParameter(
         "mass", "kg", "mass, and with it the volume whose buoyancy follows the water's density",
         0.3, lambda c: c.vehicle.mass, _set_mass, logarithmic=True, fixed=0.05, channel="request"),
-    # published Slocum models: 48 and 62
+    # published Slocum models 48 and 62, a Doppler log 41, their files 34 and 42; spreads of 0.2 and
+    # 0.35 predict worse: docs/results/real_logs.md
     of_law(
         "lift_ratio", "rad-1", "lift slope over parasite drag, K_alpha / K_D0: the angle of attack",
         0.25, "lift", 1, _drag, logarithmic=True, channel="fixes"),

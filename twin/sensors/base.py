@@ -276,13 +276,10 @@ register = SENSORS.add
 
 def table() -> str:
     """Markdown table of the shipped sensors, for docs/reference/sensors.md."""
-    rows = ["| sensor | reads | measures |", "|---|---|---|"]
+    rows = ["| sensor | measures |", "|---|---|"]
     for name in SENSORS.shipped():
-        sensor = SENSORS[name]
-        reads = [f"`{signal}`" for signal in sensor.reads] or ["`true_PART` of each moving part"]
-        writes = [f"`{entry.name}`" for entry in sensor.writes]
-        cells = (reads, writes or ["`measured_PART`"])
-        rows.append(f"| `{name}` | {' | '.join(', '.join(cell) for cell in cells)} |")
+        writes = [f"`{entry.name}`" for entry in SENSORS[name].writes] or ["`measured_PART`"]
+        rows.append(f"| `{name}` | {', '.join(writes)} |")
     return "\n".join(rows) + "\n"
 
 

@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from factory.sampling.conditions import DEEPEST_FLOOR_M, SHALLOWEST_FLOOR_M, spr
 from factory.sampling.draw import kind_of, sensor_seed
 from factory.sampling.fly import Impossible, build_mission, build_scenario, fly
 from factory.sampling.mission_kinds import ALTITUDE, DEPTH, MISSION_KINDS, kinds_for
-from factory.sampling.parameters import ROWS, parameter_table
+from factory.sampling.parameters import parameter_table
 from factory.sampling.recipe import make_recipe
 from factory.soundness import replay_mission, verify_store
 from twin.errors import InputError
@@ -23,7 +22,6 @@ from twin.vehicle.vehicle import load_vehicle
 from twin.water.floor import RoughFloor
 from twin.water.floor.lookup import floor_depths
 
-PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "factory.md").read_text(encoding="utf-8")
 LEVEL = ("transect", "circle", "lawn-mower")
 SHORT = {
     "mission.duration_h": "uniform(0.08, 0.12)",
@@ -246,11 +244,3 @@ def test_added_masses_stay_positive_whatever_is_drawn():
         assert np.linalg.eigvalsh(spread.added_mass).min() > 0.0
         both = math.sqrt(sway * roll) * nominal.added_mass[1, 3]
         assert spread.added_mass[1, 3] == spread.added_mass[3, 1] == pytest.approx(both)
-
-
-FLOOR = [row for name, row in ROWS["propelled"].items() if name.startswith("floor.")]
-
-
-@pytest.mark.parametrize("row", FLOOR, ids=lambda row: row.name)
-def test_the_page_says_what_a_sea_floor_is_drawn_from(row):
-    assert f"| `{row.name}` | {row.unit} | {row.paper} | {row.field} |" in PAGE

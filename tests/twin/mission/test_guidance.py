@@ -488,7 +488,7 @@ def test_heading_step_settles_without_a_limit_cycle(direction, depth, turn_deg):
 
 
 def test_a_turn_between_legs_takes_longer_than_one_in_a_long_glide():
-    """docs/reference/missions.md: the inflections disturb it."""
+    """The inflections disturb it."""
     turn = 60
     first, second = (
         SawTooth(max_depth_m=100, min_depth_m=10, pitch_deg=35, heading_deg=h, yos=3)

@@ -49,12 +49,15 @@ WORDS_FOR_NONE = {
 
 
 def rows(heading: str) -> dict[tuple[str, ...], list[str]]:
-    """Cells of the first table of a section, by the names in backticks of the first cell."""
+    """Unit and other cells of a section's first table, by the names of the first cell."""
     section = re.split(rf"^##+ `?{re.escape(heading)}`?$", PAGE, flags=re.MULTILINE)[1]
     section = re.split(r"^## ", section, flags=re.MULTILINE)[0]
     lines = [line for line in section.splitlines() if line.startswith("| `")]
     cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
-    return {tuple(re.findall(r"`([^`]+)`", first)): rest for first, *rest in cells}
+    return {
+        tuple(re.findall(r"`([^`]+)`", first)): [first.partition("[")[2].rstrip("]"), *rest]
+        for first, *rest in cells
+    }
 
 
 def units(cls: type) -> dict[str, str]:
