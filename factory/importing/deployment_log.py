@@ -231,6 +231,8 @@ class DeploymentLog:
     """Channels whose last value holds between samples."""
     said: str | None = None
     """Description of the deployment by its operators: the text of a pyglider `deployment.yml`."""
+    cells: Channel = EMPTY
+    """Doppler log's cells, (samples, cells, 3): the signals of `twin.records.logged.CELLS`."""
     doubts: tuple[Doubt, ...] = ()
     """Stretches whose rows are suspect."""
     model: str | None = None

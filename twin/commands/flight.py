@@ -45,6 +45,8 @@ class EstimateFlight(JsonOption):
     deployment), or linear (each dive's misclosure distributed in time, for comparison)"""
     energy_left_kwh: float | None = None
     """energy left in the batteries [kW h], to report the days left by the log's charge counter"""
+    currents: bool = False
+    """find currents against depth too, where `factory import --doppler` gave cells"""
     no_thermal_lag: bool = False
     """take the CTD's salinity and density as stored, without a correction of its thermal lag"""
 
@@ -79,6 +81,7 @@ class EstimateFlight(JsonOption):
                 estimator=self.estimator,
                 thermal_lag=not self.no_thermal_lag,
                 track=self.track,
+                profiles=self.currents,
                 advance=progress.update,
             )
         write_flight(found, self.out, overwrite=self.overwrite)
@@ -104,6 +107,8 @@ class EstimateFlight(JsonOption):
                 "currents": f"of {len(found.currents)} dives between fixes",
             }
         )
+        if self.currents and not found.profiles:
+            console.note("no dive between fixes has cells of a Doppler log: depth averages alone")
         if used is None:
             used = counted_energy(self.store, found.calibration.vehicle, newest=True)
         if used is not None:
@@ -134,6 +139,7 @@ class EstimateFlight(JsonOption):
             flown=len(found.flown),
             samples=summary.samples,
             currents=len(found.currents),
+            profiles=len(found.profiles),
             plots=pictures,
             power_w=None if used is None else used.power,
             days_left=days,

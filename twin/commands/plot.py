@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from twin.records import NamedTrack
 
 ALL = "all"
-FLIGHT_FIGURES = ("w_section", "w_histogram", "map")
+FLIGHT_FIGURES = ("w_section", "w_histogram", "map", "currents")
 """Figures of a file of `twin flight`; the first is the default"""
 CHOICES = (
     f"{', '.join((*FIGURES, f'or {ALL}'))} [default: {OVERVIEW}]; of a file of `twin flight` "
@@ -102,7 +102,10 @@ class PlotMission:
             raise UnknownName("figure of a flight", name, (*OF_FLIGHTS, ALL))
         out = self._out(name)
         flight = read_flight(self.store)
-        chosen = OF_FLIGHTS if name == ALL else {name: OF_FLIGHTS[name]}
+        every = {
+            n: d for n, d in OF_FLIGHTS.items() if n != "currents" or "profile_depth" in flight
+        }
+        chosen = every if name == ALL else {name: OF_FLIGHTS[name]}
         drawers = {each: functools.partial(draw, flight) for each, draw in chosen.items()}
         return self._save_all(drawers, out, flight_caption(flight, self.store), console)
 

@@ -131,6 +131,14 @@ PER_DIVE: dict[str, tuple[str, str, str | None]] = {
 }  # fmt: skip
 """Units, meaning and CF standard name of the variables of dives between two fixes, (dac,)"""
 DAC, DAC_MISSION, DAC_TIME = "dac", "dac_mission", "dac_time"
+PER_PROFILE: dict[str, tuple[str, str, str | None]] = {
+    "profile_depth": ("m", "depth, positive down", "depth"),
+    "profile_north": ("m s-1", "current, northward", "northward_sea_water_velocity"),
+    "profile_east": ("m s-1", "current, eastward", "eastward_sea_water_velocity"),
+    "profile_north_sd": ("m s-1", "standard deviation of profile_north", None),
+    "profile_east_sd": ("m s-1", "standard deviation of profile_east", None),
+}
+"""Units, meaning and CF standard name of current profiles, (dac, node); NaN in dives without"""
 EPOCH = {"units": "seconds since 1970-01-01T00:00:00", "calendar": "standard",
          "standard_name": "time"}  # fmt: skip
 OF_FLIGHTS: Mapping[str, Mapping[str, str]] = {
@@ -183,7 +191,7 @@ def flight_dataset(flight: Flight) -> xr.Dataset:
     for k, mission in enumerate(chosen):
         fixed[k, fixes_of(store, mission).sample] = 1
     variables[GPS_FIX] = ((MISSION, TIME), fixed, FIX_ATTRIBUTES)
-    variables |= _per_dive(flight)
+    variables |= _per_dive(flight) | _per_profile(flight)
     variables[N_SAMPLES] = (MISSION, lengths, dict(OF_FLIGHTS[N_SAMPLES]))
     for name in (DEPLOYMENT, DIVE):
         if name in store:
@@ -323,6 +331,16 @@ def _per_dive(flight: Flight) -> dict[str, Any]:
     mission = np.array([one.mission for one in found], np.int32)
     arrays[DAC_MISSION] = (DAC, mission, dict(OF_DIVES[DAC_MISSION]))
     return arrays | _dac_places(flight)
+
+
+def _per_profile(flight: Flight) -> dict[str, Any]:
+    """Variables of the current profiles, padded with NaN to the most nodes; none without any."""
+    most = max((len(one.depth) for one in flight.profiles.values()), default=0)
+    values = np.full((len(PER_PROFILE), len(flight.currents), most), np.nan)
+    for k, one in flight.profiles.items():
+        values[:, k, : len(one.depth)] = one.depth, *one.current.T, *one.deviation.T
+    named = zip(PER_PROFILE.items(), values, strict=True) if most else ()
+    return {name: ((DAC, "node"), array, _described(about)) for (name, about), array in named}
 
 
 def _dac_places(flight: Flight) -> dict[str, Any]:

@@ -24,6 +24,7 @@ from twin.logs.corrected_track import (
     drift_of,
     linear_track,
 )
+from twin.logs.current_profile import CurrentProfile, current_profile
 from twin.logs.flight_estimator import FlightEstimator, FlownDive, fly_dive, open_estimator, still
 from twin.logs.flight_summary import FlightSummary, phase_duration, phase_speed, summarise
 from twin.logs.thermal_lag import CtdSeries, ThermalLag, common_lag
@@ -66,6 +67,8 @@ class Flight:
     """Thermal lag of the CTD, for each deployment whose data show a lag"""
     flown: tuple[int, ...]
     """Missions whose velocity through the water the estimator found"""
+    profiles: Mapping[int, CurrentProfile]
+    """Currents against depth of dives with cells of a Doppler log, by index in `currents`"""
 
     def summary(self) -> FlightSummary:
         """Statistics of the water's vertical velocity over all missions."""
@@ -80,6 +83,7 @@ def estimate_flight(
     estimator: str | FlightEstimator = "flight",
     thermal_lag: bool = True,
     track: str = SMOOTHER,
+    profiles: bool = False,
     advance: Callable[[], object] = lambda: None,
 ) -> Flight:
     """Estimate the flight of a store: velocities through the water, currents, corrected tracks.
@@ -91,6 +95,7 @@ def estimate_flight(
       missions: rows to estimate; default all.
       estimator: an estimator of the velocity through the water, or its name.
       track: correction at the fixes, `smoother` or `linear`.
+      profiles: solve for currents against depth, where a store has cells of a Doppler log.
       thermal_lag: fit the CTD's thermal lag and correct it.
       advance: called after each mission.
 
@@ -151,15 +156,21 @@ def estimate_flight(
         )
         for mission in chosen
     ]
+    averaged = tuple(d for mission in chosen for d in dacs.get(mission, []))
     return Flight(
         store=found,
         calibration=calibration,
         estimator=way.kind,
         track=track,
         missions=tuple(flown),
-        currents=tuple(d for mission in chosen for d in dacs.get(mission, [])),
+        currents=averaged,
         lags=lags,
         flown=tuple(mission for mission in chosen if mission in logs),
+        profiles={
+            k: one
+            for k, dac in enumerate(averaged if profiles else ())
+            if (one := current_profile(found, dives[dac.mission], calibration, dac)) is not None
+        },
     )
 
 

@@ -47,6 +47,12 @@ THRUSTER_FRACTION = "thruster_fraction"
 """Array with the fraction of each dive's time with a thruster on, in logs that record it"""
 DRIVEN = 0.01
 """[1] Fraction of time with a thruster on, above which a dive is propelled and no glide"""
+CELLS = {
+    "cell_ahead": {"units": "m s-1", "long_name": "level velocity past a cell's water, ahead"},
+    "cell_starboard": {"units": "m s-1", "long_name": "the same, to starboard"},
+    "cell_below": {"units": "m", "long_name": "depth of a cell's middle below the hull"},
+}
+"""CF attributes of the arrays of a Doppler log's cells, (mission, time, cell)"""
 OVERLAP = 1.0
 """[s] Longest apparent overlap of two consecutive dives, from the rounding of times"""
 

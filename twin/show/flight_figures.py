@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 
 CM, HOUR = 100.0, 3600.0
 MOST_POINTS = 20000  # about the most points of a section; more than its pixels
-BINS = 60
+BINS, MOST_PROFILES = 60, 4
 UNFLOWN = "no vertical water velocity to draw: no dive that the model can fly"
 COVERED = 98, 99.5  # percentiles of |velocity| at the ends of the colours and the histogram's axis
 LEVEL_RATE = 0.03
@@ -170,6 +170,26 @@ def track_map(flight: xr.Dataset) -> Figure:
     return draw_content(MapContent(tracks, "corrected track", fixes, currents))
 
 
+def current_figure(flight: xr.Dataset) -> Figure:
+    """Draw currents against depth of at most `MOST_PROFILES` dives, with standard deviations."""
+    if "profile_depth" not in flight:
+        raise InputError("no current against depth: `twin flight --currents` finds it by cells")
+    found = np.flatnonzero(np.isfinite(flight["profile_depth"].values[:, 0]))
+    chosen = flight.isel({DAC: found[:: -(-len(found) // MOST_PROFILES)]})
+    with style.styled():
+        figure = style.new_figure(width=style.PAGE_WIDTH, height=3.6)
+        for axes, name in zip(figure.subplots(1, 2), ("north", "east"), strict=True):
+            for k, depth in enumerate(chosen["profile_depth"].values):
+                now, sd = (CM * chosen[f"profile_{n}"].values[k] for n in (name, f"{name}_sd"))
+                look, label = style.track_look(k), f"mission {chosen[DAC_MISSION].values[k]}"
+                axes.plot(now, depth, label=label, **look)
+                axes.fill_betweenx(depth, now - sd, now + sd, color=look["color"], alpha=0.2)
+            axes.set_xlabel(f"current, {name} [cm/s]")
+            style.depth_axis(axes, float(np.nanmax(chosen["profile_depth"])), label=name == "north")
+        axes.legend()
+    return figure
+
+
 def _samples(flight: xr.Dataset) -> NDArray[np.int64]:
     return np.asarray(flight[N_SAMPLES].values, np.int64)
 
@@ -206,7 +226,9 @@ def _unix(flight: xr.Dataset) -> Array:
     return np.where(np.isnat(starts), np.nan, nanoseconds / 1e9)
 
 
-FLIGHT_FIGURES = {"w_section": section, "w_histogram": histogram, "map": track_map}
+FLIGHT_FIGURES = {
+    "w_section": section, "w_histogram": histogram, "map": track_map, "currents": current_figure
+}  # fmt: skip
 """Drawing functions by the names of their files"""
 
 
@@ -219,6 +241,8 @@ def write_flight_figures(flight: Flight, folder: Path) -> tuple[list[Path], list
     dataset = flight_dataset(flight)
     written, missing = [], []
     for name, draw in FLIGHT_FIGURES.items():
+        if draw is current_figure and not flight.profiles:
+            continue  # nobody asked for it
         try:
             figure = draw(dataset)
         except InputError as error:

@@ -43,6 +43,7 @@ from twin.records.coordinates import (
     sample_variables,
     unix_milliseconds,
 )
+from twin.records.logged import CELLS
 from twin.records.schema import MISSION, TIME, VARIABLES
 from twin.records.trajectory import sample_times
 from twin.version import IMPORT_VERSION, __version__
@@ -74,6 +75,8 @@ class DiveRow:
     """Per-row numbers besides those of the segment, such as vehicle_dac_north, and dive if the
     vehicle counts its dives."""
     positions: Positions
+    cells: Array | None = None
+    """Doppler log's cells, (time, cells, 3): the signals of `twin.records.logged.CELLS`."""
     suspect: str = ""
     """Reason why no ocean or vehicle allows the row's values; empty for a sound row."""
 
@@ -140,6 +143,13 @@ def rows_dataset(rows: Sequence[DiveRow], period: float, attributes: dict[str, A
             described["flag_values"] = np.array(_PHASE_FLAGS, np.float32)
             described["flag_meanings"] = " ".join(PHASES[flag] for flag in _PHASE_FLAGS)
         variables[name] = ((MISSION, TIME), values, described)
+    most = max((row.cells.shape[1] for row in rows if row.cells is not None), default=0)
+    cells = np.full((len(rows), longest, most, len(CELLS)), np.nan, np.float32)
+    for i, row in enumerate(rows):
+        if row.cells is not None:
+            cells[i, : lengths[i], : row.cells.shape[1]] = row.cells
+    for k, (name, about) in enumerate(CELLS.items() if most else ()):
+        variables[name] = ((MISSION, TIME, "cell"), cells[..., k], about)
     variables |= _per_row(rows)
     variables[METHOD] = method_array([row.positions.method for row in rows])
     coordinates: dict[str, Any] = {

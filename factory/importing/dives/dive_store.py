@@ -25,7 +25,7 @@ from factory.importing.dives.dive_checks import (
 )
 from factory.importing.dives.dive_rows import FRAMES, DiveRow, rows_dataset
 from factory.importing.dives.positions import averaged_current, frame_origin, row_positions
-from factory.importing.dives.regular_times import not_empty, on_grid
+from factory.importing.dives.regular_times import cells_on_grid, not_empty, on_grid
 from factory.importing.dives.segments import LogSegment, cut, pieces
 from factory.importing.gps_fixes import tell_read
 from factory.importing.plausibility import DiveRules, check_signs
@@ -257,6 +257,7 @@ def _row_of(
         platform=log.platform,
         segment=segment,
         signals=signals,
+        cells=cells_on_grid(log, segment, period),
         numbers=numbers,
         suspect="; ".join(dict.fromkeys(f"{subject}: {why}" for subject, why in found)),
         positions=row_positions(signals, frame_origin(log, segment), period, driven=driven),

@@ -122,6 +122,13 @@ def on_grid(
     return signals
 
 
+def cells_on_grid(log: DeploymentLog, segment: LogSegment, period: float) -> Array | None:
+    """Cells of a Doppler log in one row, (time, cells, 3): of the ensemble within half a period."""
+    count = max(2, round(segment.duration / period) + 1)
+    times = np.asarray(segment.start + period * np.arange(count), np.float64)
+    return _value_near(log.cells, times, 0.5 * period) if len(log.cells) else None
+
+
 def _on_times(
     name: str,
     channel: Channel,
@@ -203,7 +210,7 @@ def _value_near(channel: Channel, times: Array, reach: float) -> Array:
     """Value of the nearest sample within `reach` [s], else NaN."""
     at = nearest(channel.time, times)
     values = channel.values[np.searchsorted(channel.time, at)]
-    return np.where(np.abs(at - times) <= reach, values, np.nan)
+    return np.where((np.abs(at - times) <= reach).T, values.T, np.nan).T
 
 
 def _reach(log: DeploymentLog, period: float) -> float:

@@ -33,7 +33,7 @@ from factory.importing.doppler.relative_velocity import (
     axes_of,
     relative_velocity,
 )
-from factory.importing.doppler.screens import Thresholds, screen
+from factory.importing.doppler.screens import Thresholds, screen, screen_cells
 from factory.importing.pressures import pressure_of
 from twin.errors import InputError
 from twin.frames import euler_to_matrix
@@ -59,6 +59,8 @@ class HullVelocity:
     """[m/s] Through the water, in hull axes, (ensembles, 3); NaN where it was screened out."""
     deviation: Array
     """[m/s] Standard deviation of its components, (ensembles, 3)."""
+    cells: Array
+    """Signals of `twin.records.logged.CELLS`, (ensembles, cells, 3); NaN where screened out."""
     bottom: Array
     """[m/s] Over ground, in hull axes, (ensembles, 3)."""
     pitch: Array
@@ -134,10 +136,18 @@ def _measured(
         _refuse_empty(name, log, counts)
     closure = fit_tilt(log.time, water, roll, pitch, rate, depth)
     water = tilted(water, closure.tilt)
+    kept = np.where(np.isfinite(water[:, 0]), sound, np.nan)
+    cells = screen_cells(log, limits) * kept[:, None, None]
+    cells = tilted(cells.reshape(-1, 3), closure.tilt).reshape(cells.shape)
+    cells = np.einsum("tij,tcj->tci", euler_to_matrix(roll, pitch, 0.0 * roll), cells)
+    # the third component shows closure alone; the depth below the hull takes its place
+    below = log.cells[..., 7] * (np.cos(pitch + closure.tilt) * np.cos(roll))[:, None]
+    cells[..., 2] = np.where(np.isfinite(cells[..., 0]), below, np.nan)
     return HullVelocity(
         log=log,
         water=water,
         deviation=_deviation(water, error, log.beam_angle, closure),
+        cells=cells,
         bottom=tilted(log.bottom * sound[:, None], closure.tilt),
         pitch=pitch,
         depth=depth,

@@ -19,6 +19,8 @@ from twin.frames import euler_to_matrix
 
 Mask = NDArray[np.bool_]
 
+FLATTEST = 0.2
+"""Least vertical part of a beam's direction; flatter beams reach no other depth."""
 NEAR, MOST_CELLS = 6.0, 10
 """[m] Farthest middle of a cell that counts as the hull's own water, and most such cells."""
 BEAM, INSTRUMENT, SHIP, EARTH = range(4)
@@ -54,6 +56,9 @@ class RelativeVelocity:
     """[count] Of the worst beam, (ensembles, cells)."""
     echo: Array
     """[count] Of the worst beam above the lowest echo of the file, (ensembles, cells)."""
+    cells: Array
+    """All cells, (ensembles, cells, 8): `water`, `error`, `good`, `correlation`, `echo`, and range
+    [m] along the axis, positive down. Beams of a file in beam axes meet at the cell's depth."""
     bottom: Array
     """[m/s] Past the bottom, (ensembles, 3)."""
     altitude: Array
@@ -75,7 +80,8 @@ def relative_velocity(
     """
     echoes = np.concatenate([one["echo"].ravel() for one in layouts])
     floor = np.nanpercentile(echoes, 1.0) if np.isfinite(echoes).any() else 0.0
-    parts = [_of_layout(one, float(floor), level) for one in layouts]
+    most = max(one["velocity"].shape[1] for one in layouts)
+    parts = [_of_layout(one, float(floor), level, most) for one in layouts]
     whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     order = np.argsort(whole["time"], kind="stable")
     order = order[np.isfinite(whole["time"][order])]
@@ -91,39 +97,66 @@ def _bit(values: Array, bit: int) -> Mask:
     return (values.astype(np.int64) & bit) > 0
 
 
-def _of_layout(one: Ensembles, floor: float, level: bool | None) -> dict[str, Array]:
-    """Fields of `RelativeVelocity` of one layout, with cells padded to `MOST_CELLS`."""
+def _of_layout(one: Ensembles, floor: float, level: bool | None, most: int) -> dict[str, Array]:
+    """Fields of `RelativeVelocity` of one layout, cells padded to `MOST_CELLS` and to `most`."""
     axes = axes_of(one)
     tilts = _bit(one["transform"], LEVEL) if level is None else np.full(len(axes), level)
     turned = (tilts & (axes == SHIP)) | (axes == EARTH)
-    water = _hull_axes(one, one["velocity"][:, :MOST_CELLS], axes, turned)
     altitude = one["bottom_range"].mean(axis=1)
     first, cell = one["first_cell"][:, None], one["cell"][:, None]
-    middle = first + cell * np.arange(water.shape[1])
+    middle = first + cell * np.arange(one["velocity"].shape[1])
     upward = _bit(one["system"], UPWARD)
     clear = np.where(upward, one["depth"], np.nan_to_num(altitude, nan=np.inf))
     clear *= np.cos(np.radians(one["beam_angle"]))  # beyond it side lobes meet bottom or surface
-    near = (middle <= np.maximum(NEAR, first)) & (middle + 0.5 * cell < clear[:, None])
-    correlation, echo, pings = (one[n][:, :MOST_CELLS] for n in ("correlation", "echo", "good"))
-    good = np.where((axes == BEAM)[:, None], pings.min(axis=-1), pings[..., 0] + pings[..., 3])
-    cells = {
-        "water": np.where(near[..., None], water[..., :3], np.nan),
-        "error": water[..., 3],
-        "good": good,
-        "correlation": correlation.min(axis=-1),
-        "echo": echo.min(axis=-1) - floor,
-    }
-    missing = (0, MOST_CELLS - water.shape[1])
+    clear = middle + 0.5 * cell < clear[:, None]
+    beams = (axes == BEAM)[:, None]
+
+    def fields(of: Array, seen: Mask, size: int) -> Array:
+        velocity, pings, correlation, echo = of[:, :, :size]
+        water = _hull_axes(one, velocity, axes, turned)
+        good = np.where(beams, pings.min(axis=-1), pings[..., 0] + pings[..., 3])
+        reach = np.where(upward[:, None], -middle, middle)[:, :size]
+        quality = [good, correlation.min(axis=-1), echo.min(axis=-1) - floor, reach]
+        found = np.full((len(axes), size, 8), np.nan)
+        found[:, : water.shape[1], :4] = np.where(seen[:, :size, None], water, np.nan)
+        found[:, : water.shape[1], 4:] = np.stack(quality, axis=-1)
+        return found
+
+    every = np.stack([one[n] for n in ("velocity", "good", "correlation", "echo")])
+    near = fields(every, (middle <= np.maximum(NEAR, first)) & clear, MOST_CELLS)
+    every = np.where(beams[..., None], _at_depths(one, every, middle), every)
     return {
         **{name: one[name] for name in CARRIED},
-        **{
-            name: np.pad(v, [(0, 0), missing, (0, 0)][: v.ndim], constant_values=np.nan)
-            for name, v in cells.items()
-        },
+        **{n: near[..., 3 + k] for k, n in enumerate(("error", "good", "correlation", "echo"))},
+        "water": near[..., :3],
+        "cells": fields(every, clear, most),
         "bottom": _hull_axes(one, one["bottom_velocity"][:, None], axes, turned)[:, 0, :3],
         "altitude": altitude,
         "turned": turned,
     }
+
+
+def _at_depths(one: Ensembles, values: Array, middle: Array) -> Array:
+    """Interpolate beams to the depths of the cells' middles (Ott 2002, J. Atmos. Oceanic Technol.
+    19, 1738-1741): beams of a pitched hull reach one depth at different ranges. `values` are
+    (quantities, ensembles, cells, beams), `middle` [m] the cells' ranges, (ensembles, cells).
+    """
+    count, last = len(middle), middle.shape[1] - 1
+    unit, axes = np.broadcast_to(np.eye(4), (count, 4, 4)), np.full(count, BEAM)
+    # a hull that moves along a beam closes at its speed: rows of the inverse are the directions
+    beams = np.linalg.inv(np.swapaxes(_hull_axes(one, unit, axes, axes != BEAM), 1, 2))[..., :3]
+    roll, pitch = np.radians(one["roll"]), np.radians(one["pitch"])
+    steep = np.abs(np.einsum("tbj,tj->tb", beams, euler_to_matrix(roll, pitch, 0.0 * roll)[:, 2]))
+    steep = np.where(steep > FLATTEST, steep, np.nan)[:, None]
+    axis = np.cos(roll) * np.cos(pitch) * np.cos(np.radians(one["beam_angle"]))
+    first, cell, axis = (each[:, None, None] for each in (one["first_cell"], one["cell"], axis))
+    at = (middle[..., None] * axis / steep - first) / cell
+    inside = (at > -0.5) & (at < last + 0.5)
+    at = np.where(inside, np.clip(at, 0.0, last), 0.0)
+    low = np.floor(at).astype(np.int64)
+    ends = [np.take_along_axis(values, np.minimum(k, last)[None], 2) for k in (low, low + 1)]
+    mixed = ends[0] * (1.0 + low - at) + np.where(at > low, ends[1], 0.0) * (at - low)
+    return np.where(inside, mixed, np.nan)
 
 
 def _hull_axes(one: Ensembles, velocity: Array, axes: NDArray[np.int64], turned: Mask) -> Array:

@@ -38,6 +38,14 @@ class Thresholds:
         return Thresholds(**{**wider, "echo": self.echo / factor})
 
 
+def screen_cells(log: RelativeVelocity, limits: Thresholds) -> Array:
+    """Velocities past the water of all cells, (ensembles, cells, 3); NaN where screened out."""
+    error, good, correlation, echo = np.moveaxis(log.cells[..., 3:7], -1, 0)
+    bad = (good < 100.0 - limits.failed) | (correlation < FULL - limits.decorrelation)
+    bad |= (echo < limits.echo) | (np.abs(error) > limits.error)
+    return np.where(bad[..., None], np.nan, log.cells[..., :3])
+
+
 def screen(
     log: RelativeVelocity, limits: Thresholds
 ) -> tuple[Array, Array, dict[str, Mask]]:  # fmt: skip

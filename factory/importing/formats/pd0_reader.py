@@ -70,6 +70,7 @@ def _alone(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
         deployment=path.stem,
         platform=SUBJECT,
         channels=_channels(found, own),
+        cells=_cells(found),
         fixes=NO_FIXES,
         magnetic_variation=EMPTY,
         files=(path.name,),
@@ -126,7 +127,8 @@ def with_doppler(
         velocity = _measured(words, layouts, with_depth(log, Tally()), tally)
         channels = {**_channels(velocity, {}), **log.channels}  # its own altimeter stays
         files = (*log.files, *names[which])
-        found[which] = dataclasses.replace(log, channels=channels, files=files)
+        cells = _cells(velocity)
+        found[which] = dataclasses.replace(log, channels=channels, cells=cells, files=files)
     return found
 
 
@@ -152,6 +154,13 @@ def _channels(found: HullVelocity, more: dict[str, Array]) -> dict[str, Channel]
     time, first = np.unique(found.log.time, return_index=True)
     channels = {name: Channel.finite(time, values[first]) for name, values in signals.items()}
     return {name: one for name, one in channels.items() if len(one)}
+
+
+def _cells(found: HullVelocity) -> Channel:
+    """Cells at the times of the ensembles that have any, (ensembles, cells, 3)."""
+    time, first = np.unique(found.log.time, return_index=True)
+    some = np.isfinite(found.cells[first, :, 0]).any(axis=1)
+    return Channel(time[some], found.cells[first][some])
 
 
 def _measured(

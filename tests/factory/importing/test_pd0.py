@@ -165,6 +165,22 @@ def test_ship_axes_that_are_not_level_are_told_by_closure(tmp_path):
     assert np.nanmax(np.abs(values(dataset, U) - 0.4)) < 5e-3
 
 
+@pytest.mark.parametrize("upward", [False, True])
+def test_cells_of_a_pitched_hull_have_the_current_of_their_depths(upward, tmp_path):
+    rows = pd0_files.yo(120, heading=330.0, cells=12, upward=upward)
+    (one,) = read_pd0(pd0_files.write(tmp_path / "a.pd0", rows)).layouts
+    turn = euler_to_matrix(*(np.radians(one[n]) for n in ("roll", "pitch", "heading")))
+    beams = turn @ pd0_files.beam_directions(30.0, 45.0, upward=upward).T
+    slant = (1.9 + np.arange(12.0)) / np.cos(np.radians(30.0))
+    along = np.array([0.004, -0.003, 0.0]) @ beams  # of a shear, north and east, positive outward
+    sheared = one["velocity"] - slant[:, None] * (beams[:, 2] * along)[:, None]
+    found = hull_velocity("a", [{**one, "velocity": sheared}], None, Thresholds())
+    ahead, starboard, below = found.cells[40:80, [3, 7]].T
+    past = np.diff((ahead + 1j * starboard) * np.exp(1j * np.radians(330.0)), axis=0)
+    assert np.nanmedian(past / np.diff(below, axis=0)) == pytest.approx(-0.004 + 0.003j, rel=0.05)
+    assert (np.nanmedian(below) < 0.0) == upward
+
+
 def test_bottom_and_water_track_have_names_of_their_own(tmp_path):
     rows = pd0_files.yo(alignment=0.0)
     for row in rows:
@@ -290,6 +306,8 @@ def test_clock_heading_and_tilt_are_found_beside_the_vehicles_log(offset, tmp_pa
     time = dataset["start_time"].values[0] + dataset["time"].values[: len(surge)]
     truth = FLIGHT.state(np.asarray(time, float))["speed"]
     assert good.sum() > 100
+    level = truth * np.cos(np.radians(FLIGHT.pitch))
+    assert np.nanmedian(values(dataset, "cell_ahead")) == pytest.approx(np.median(level), abs=0.01)
     assert surge[good] == pytest.approx(truth[good], abs=0.01)
 
 

@@ -22,6 +22,7 @@ from twin.identify.speed import motion_of
 from twin.logs import estimate_flight, flight_dataset, write_flight
 from twin.logs.flight_estimator import ESTIMATORS, FlightEstimator
 from twin.logs.flight_summary import summarise
+from twin.records.logged import CELLS
 from twin.records.store import write_store
 from twin.records.tracks import read_tracks
 from twin.show.flight_figures import FLIGHT_FIGURES, write_flight_figures
@@ -39,12 +40,16 @@ def store(tmp_path_factory):
     )
     data = xr.open_zarr(flown).load()
     data["measured_density"] = data["true_density"].copy()
+    over = data["true_velocity_north"] + 1j * data["true_velocity_east"]
+    turn = np.exp(-1j * np.radians(data["true_heading"]))
+    past = ((over - complex(*CURRENT[:2])) * turn).expand_dims(cell=3, axis=2)
+    data.update(zip(CELLS, (past.real, past.imag, 0.0 * past.real + [4.0, 8.0, 12.0]), strict=True))
     return write_store(data, folder / "store.zarr")
 
 
 @pytest.fixture(scope="module")
 def flight(store):
-    return estimate_flight(store)
+    return estimate_flight(store, profiles=True)
 
 
 def truth(store: Path, name: str) -> np.ndarray:
@@ -96,6 +101,13 @@ def test_the_current_of_each_dive_is_the_water_s(flight):
         assert abs(one.north - CURRENT[0]) < 3.0 * one.deviation
         assert abs(one.east - CURRENT[1]) < 3.0 * one.deviation
         assert one.deviation < 0.05
+
+
+def test_the_current_of_each_depth_is_the_water_s(flight):
+    data = flight_dataset(flight)
+    for name, true in zip(("north", "east"), CURRENT, strict=False):
+        assert (abs(data[f"profile_{name}"] - true) < 3.0 * data[f"profile_{name}_sd"]).all()
+        assert float(data[f"profile_{name}_sd"].median()) < 0.03
 
 
 def test_the_track_is_where_the_vehicle_was(store, flight):
@@ -195,11 +207,11 @@ def test_all_figures_have_data(flight, tmp_path):
 
 def test_the_command(store, tmp_path, capsys):
     out = tmp_path / "flight.nc"
-    arguments = ["flight", str(store), "--out", str(out), "--json"]
+    arguments = ["flight", str(store), "--out", str(out), "--json", "--currents"]
     assert PROGRAM.main(arguments) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["w_mean_dive_m_s"] == pytest.approx(0.01, abs=0.002)
-    assert answer["flown"] == 1
+    assert answer["flown"] == answer["profiles"] == 1
     assert out.is_file()
     assert PROGRAM.main(arguments) == 2
     assert "already exists; use --overwrite" in capsys.readouterr().err
