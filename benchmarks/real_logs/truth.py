@@ -48,7 +48,7 @@ def table(rows: Sequence[Row]) -> str:
                 for star in ["*" * (row.method == rival)]
             ]
             samples = lines[task, name][0].samples
-            body.append([name, truth, known, "; ".join(texts), samples])
+            body.append([name, truth, known, "<br>".join(texts), samples])
     return markdown(["vehicle", "truth", "methods know", "cm/s (95 %)", "samples"], body)
 
 
