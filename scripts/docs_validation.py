@@ -25,10 +25,11 @@ OURS = "independent solution"
 UNITS = {"speed": "m/s", "turn_rate": "rad/s", "vertical_speed": "m/s"}
 DECIMALS = {"turn_rate": 5, "speed": 4, "vertical_speed": 4}
 """Decimals shown, 3 by default: those of the finest print, without rounding noise"""
-HEAD = (
-    "| vehicle, source | figure | {} | MuJoCo | Fossen | allowed difference |\n"
-    "|---|---|---|---|---|---|\n"
-)
+HEADS = {
+    "printed": "| vehicle, source | figure | printed | MuJoCo | Fossen | allowed difference |",
+    "solved": "| settings | speed [m/s] | angle of attack [deg] | sideslip [deg] | roll [deg] "
+    "| pitch [deg] | turn rate [rad/s] | MuJoCo | Fossen |",
+}
 
 
 def tables() -> dict[str, str]:
@@ -41,16 +42,38 @@ def tables() -> dict[str, str]:
         motions[id(motion)] = motion
     for key, motion in motions.items():
         kind = "solved" if motion.source.startswith(OURS) else "printed"
-        rows[kind] += motion_rows(motion, found[key])
-    return {kind: HEAD.format(kind) + "\n".join(rows[kind]) + "\n" for kind in rows}
+        make = solved_rows if kind == "solved" else motion_rows
+        rows[kind] += make(motion, found[key])
+    line = {kind: "|" + "---|" * (head.count("|") - 1) for kind, head in HEADS.items()}
+    return {kind: "\n".join([HEADS[kind], line[kind], *rows[kind]]) + "\n" for kind in rows}
+
+
+def settings(motion: PublishedMotion) -> str:
+    """Net buoyancy mass, battery shift and battery rotation of a glide; else empty."""
+    if not hasattr(motion, "net_mass"):
+        return ""
+    return f"{motion.net_mass:g} kg, {1000 * motion.shift:g} mm, {motion.rotation:g} deg"
+
+
+def solved_rows(motion: PublishedMotion, trims: dict[str, Trim]) -> list[str]:
+    """Table row of a solved motion: its figures, and the largest difference over the allowed one
+    of each model."""
+    figures = [f"{value:g}" for name in FIGURES if (value := getattr(motion, name)) is not None]
+    worst = [
+        max(
+            abs(value) / motion.tolerance["angle" if name in ANGLES else name]
+            for name, value in motion.differences(trims[model]).items()
+        )
+        for model in ("mujoco", "fossen")
+    ]
+    return [f"| {' | '.join([settings(motion), *figures, *(f'{one:.1f}' for one in worst)])} |"]
 
 
 def motion_rows(motion: PublishedMotion, trims: dict[str, Trim]) -> list[str]:
     """Table rows of one motion's figures; the first has vehicle, source and settings."""
     rows = []
     first = f"`{motion.vehicle}`, {motion.source}"
-    if hasattr(motion, "net_mass"):  # what was held, where the source does not say it
-        held = f"{motion.net_mass:g} kg, {1000 * motion.shift:g} mm, {motion.rotation:g} deg"
+    if held := settings(motion):  # where the source does not say it
         first += f": {held}"
     for name in FIGURES:
         value = getattr(motion, name)

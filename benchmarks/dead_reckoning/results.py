@@ -26,6 +26,8 @@ DEPLOYMENTS = ("sg171", "comet")
 """Deployments of tier public, each with its own figures"""
 CODE = ("benchmarks/dead_reckoning", "benchmarks/real_logs", "factory", "learn", "twin", "assets")
 """Folders of code that figures depend on"""
+USUAL = {"labels": "none", "dives": "0", "by": "the authors"}
+"""Values that leave a column out of a table if all rows have them"""
 MARK = "<!-- results: {} -->"
 """Mark before a tier's table on the page"""
 
@@ -128,9 +130,9 @@ def tables(folder: Path = FOLDER) -> dict[str, str]:
             for row in rows({one["method"]: figures}):
                 row[PERCENT] += f" ({row.pop('95 %')})"
                 line = {f"{PERCENT} (95 %)" if k == PERCENT else k: v for k, v in row.items()}
-                lines.append({**line, "by": f"{one['who']}, `{figures['commit']}`"})
+                lines.append({**line, "by": one["who"]})
         if lines:
-            used = [name for name in lines[0] if any(line[name] for line in lines)]
+            used = [k for k in lines[0] if any(line[k] != USUAL.get(k, "") for line in lines)]
             cells = [[line[name].replace("|", "/") for name in used] for line in lines]
             found[tier] = command.markdown(used, cells)
     return found
