@@ -24,52 +24,52 @@ SLACK = 150
 """Lines that a room may have less than its row says before the row is lowered"""
 
 ROOMS = {
-    "benchmarks": (13083, 98619),
+    "benchmarks": (13497, 102514),
     "factory": (1550, 11678),
     "factory/commands": (995, 5923),
-    "factory/exporting": (2124, 12171),
+    "factory/exporting": (2137, 12231),
     "factory/generation": (1831, 10527),
-    "factory/importing": (13919, 100729),
+    "factory/importing": (13994, 101904),
     "factory/samples": (774, 5625),
     "factory/sampling": (2526, 14532),
-    "learn": (1798, 9837),
+    "learn": (1806, 9900),
     "learn/commands": (531, 3018),
     "learn/data": (1636, 9667),
     "learn/evaluation": (1399, 8752),
     "learn/networks": (2418, 14158),
     "learn/report": (1696, 11084),
     "learn/training": (2482, 15078),
-    "plugins": (19931, 139606),
-    "scripts": (2025, 13650),
-    "tests": (66688, 580813),
+    "plugins": (19931, 139633),
+    "scripts": (2048, 13823),
+    "tests": (66993, 584635),
     "twin": (2353, 12495),
     "twin/checks": (1318, 8696),
     "twin/cli": (1328, 8059),
-    "twin/commands": (2206, 12583),
+    "twin/commands": (2215, 12647),
     "twin/compiled": (1267, 7267),
     "twin/control": (4126, 24587),
     "twin/faults": (1215, 6647),
     "twin/fossen": (2501, 18700),
-    "twin/identify": (7956, 56044),
-    "twin/logs": (2803, 19239),
+    "twin/identify": (7896, 55637),
+    "twin/logs": (3019, 21510),
     "twin/mission": (4500, 28891),
-    "twin/navigation": (6800, 40027),
-    "twin/physics": (5857, 40339),
-    "twin/records": (4977, 28858),
-    "twin/sensors": (3430, 22469),
-    "twin/show": (10203, 63216),
-    "twin/vehicle": (4679, 30949),
+    "twin/navigation": (6820, 40233),
+    "twin/physics": (5860, 40353),
+    "twin/records": (4983, 28899),
+    "twin/sensors": (3427, 22444),
+    "twin/show": (10227, 63488),
+    "twin/vehicle": (4770, 31834),
     "twin/water": (4903, 33073),
 }
 """Of a room: most lines of all its text files, docstrings and blank lines included, and most Python
 tokens, so that longer lines win nothing"""
-MODULES = 536
+MODULES = 537
 LONGEST_FUNCTION, USUAL_FUNCTION = 187, 39
 """Lines of the longest function of the product, and of the 95th percentile"""
-OWN_IMPORTS = 6.35
+OWN_IMPORTS = 6.36
 """Distinct own modules that a file of the product imports, in the mean; where small modules were
 joined, a file imports more and all files together less"""
-RADIUS = {"factory generate": (85, 854), "learn fit": (174, 1925)}
+RADIUS = {"factory generate": (85, 829), "learn fit": (175, 1926)}
 """Files and functions of the product that a job runs"""
 VARIES = 1.03
 """What is compiled, and what a processor can, changes which functions run"""
