@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -102,6 +103,8 @@ class EstimateFlight(JsonOption):
                 "vertical water velocity, deviation": f"{100 * summary.w_deviation:.2f} cm/s",
                 "largest dive less climb": (
                     f"{100 * summary.w_profile_difference:.2f} cm/s, of means in bins of depth"
+                    if math.isfinite(summary.w_profile_difference)
+                    else "no bin of depth has both"
                 ),
                 "depth rate, RMSE": f"{100 * summary.depth_rate_rmse:.2f} cm/s",
                 "currents": f"of {len(found.currents)} dives between fixes",

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.errors import InputError
+from twin.identify.calibration import Calibration
 from twin.logs.corrected_track import LINEAR, SMOOTHER
 from twin.logs.flight_estimate import Flight, MissionFlight
 from twin.logs.track import fixes_of
@@ -289,7 +290,8 @@ def _attributes(flight: Flight, name: str) -> dict[str, Any]:
         stored = next(s for s, n in COPIED.items() if n == name)
         kept = ("units", "long_name", "standard_name", "positive", "flag_values", "flag_meanings")
         given = flight.store.dataset[stored].attrs
-        return {key: given[key] for key in kept if key in given}
+        kept_ones = {key: given[key] for key in kept if key in given}
+        return kept_ones | _as_logged(flight.calibration).get(name, {})
     attributes = _described(FLOWN[name])
     comments = COMMENTS | TRACK_COMMENTS[flight.track]
     if name in comments:
@@ -301,6 +303,19 @@ def _attributes(flight: Flight, name: str) -> dict[str, Any]:
     if name not in ("latitude", "longitude") and any(one.place.known for one in flight.missions):
         attributes["coordinates"] = "latitude longitude"
     return attributes
+
+
+def _as_logged(calibration: Calibration) -> dict[str, dict[str, str]]:
+    """Comments that say by which pitch and heading the velocities are."""
+    said = "as logged; velocities are by the identified"
+    offset, *cycles = np.degrees([calibration.heading_offset, *calibration.heading_cycles])
+    names = ("cos(h)", "sin(h)", "cos(2h)", "sin(2h)")
+    terms = "".join(f" {c:+.3f} {name}" for c, name in zip(cycles, names, strict=True) if c)
+    scale, shift = calibration.pitch_scale, np.degrees(calibration.pitch_offset)
+    return {
+        "pitch": {"comment": f"{said} {scale:.4g} pitch {shift:+.3f} degree"},
+        "heading": {"comment": f"{said} h {offset:+.3f}{terms} degree, h this heading"},
+    }
 
 
 def _described(about: tuple[str, str, str | None]) -> dict[str, Any]:
@@ -340,7 +355,11 @@ def _per_profile(flight: Flight) -> dict[str, Any]:
     for k, one in flight.profiles.items():
         values[:, k, : len(one.depth)] = one.depth, *one.current.T, *one.deviation.T
     named = zip(PER_PROFILE.items(), values, strict=True) if most else ()
-    return {name: ((DAC, "node"), array, _described(about)) for (name, about), array in named}
+    down = {"profile_depth": {"positive": "down"}}
+    return {
+        name: ((DAC, "node"), array, _described(about) | down.get(name, {}))
+        for (name, about), array in named
+    }
 
 
 def _dac_places(flight: Flight) -> dict[str, Any]:

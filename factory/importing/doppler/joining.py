@@ -18,12 +18,21 @@ from twin.errors import InputError
 REACH, COARSE, FINE = 3600.0, 5.0, 0.1
 """[s] Largest offset of the clocks, and steps of the search."""
 UNITS = {"depth": 1.0, "pitch": 3.0}
-"""[m] and [degree] Differences of depth and pitch that weigh the same."""
+WORDS = {"depth": "depths by {:.1f} m", "pitch": "pitches by {:.1f} degree"}
+"""Differences of depth and pitch that weigh the same, and their texts."""
+MAD, MOST, MOST_DEVIATIONS = 1.4826, 0.8, 1.2816
+"""Standard deviation over median absolute deviation, of normal errors; share of the samples that
+must agree, since turns may not, and the standard deviations within which it lies."""
 MOVES, CAPPED = 3.0, 25.0
 """Smallest standard deviation, in these, of a record that can be aligned, and largest square of a
 difference: turns are short, and sampled at other times."""
 OVERLAP, PARTS = 0.5, 4
 """Least share of the ensembles within the vehicle's log; parts with offsets of their own."""
+ALIKE, ALIKE_SHARE, TURNING = 1.0, 0.03, 15.0
+"""Largest deviation between two records of one vehicle, in UNITS, or as a share of their range,
+where sensors differ in scale; [degree] and that between their headings."""
+DEEPER, DEEPER_SHARE = 5.0, 0.1
+"""[m] Largest offset between the two depths, or as a share of their range."""
 
 
 class Offsets(NamedTuple):
@@ -43,22 +52,24 @@ def find_offsets(name: str, layouts: Sequence[Ensembles], vehicle: DeploymentLog
     """Find the offsets of a file, `name` in errors.
 
     Raises:
-      InputError: the records do not overlap, or do not move enough to be aligned.
+      InputError: the records do not overlap, do not move enough to be aligned, or are those of two
+        vehicles.
     """
     log = {n: np.concatenate([one[n] for one in layouts]) for n in ("time", "heading", *UNITS)}
     order = np.argsort(log["time"])
     order = order[np.isfinite(log["time"][order])]
     log = {n: values[order] for n, values in log.items()}
     time, (first, last) = log["time"], vehicle.span
-    pairs = [
-        (channel.time, channel.values / unit, log[n] / unit)
+    pairs = {
+        n: (channel.time, channel.values / unit, log[n] / unit)
         for n, unit in UNITS.items()
         if len(channel := vehicle.channel(f"measured_{n}")) > 1
         and min(np.std(log[n]), np.std(channel.values)) > MOVES * unit
-    ]
+    }
+    each = list(pairs.values())
     lags = np.arange(-REACH, REACH + COARSE, COARSE)
     apart = time[0] - REACH > last or time[-1] + REACH < first
-    costs = np.full(len(lags), np.nan) if apart else _costs(lags, time, pairs)
+    costs = np.full(len(lags), np.nan) if apart else _costs(lags, time, each)
     if pairs and not np.isfinite(costs).any():
         raise InputError(
             f"{name} does not overlap {vehicle.deployment}: it runs {_span(time[0], time[-1])}, "
@@ -69,14 +80,32 @@ def find_offsets(name: str, layouts: Sequence[Ensembles], vehicle: DeploymentLog
             f"{name} cannot be aligned with {vehicle.deployment}: neither depth nor pitch varies "
             f"in both by {MOVES * UNITS['depth']:g} m or {MOVES * UNITS['pitch']:g} degree"
         )
-    seconds = _refined(float(lags[np.nanargmin(costs)]), time, pairs)
+    seconds = _refined(float(lags[np.nanargmin(costs)]), time, each)
     parts = [
-        _refined(seconds, time[part], [(t, v, own[part]) for t, v, own in pairs])
+        _refined(seconds, time[part], [(t, v, own[part]) for t, v, own in each])
         for part in np.array_split(np.arange(len(time)), PARTS)
-        if any(np.std(own[part]) > 1.0 for _, _, own in pairs)
+        if any(np.std(own[part]) > 1.0 for _, _, own in each)
     ]
     spread = float(np.std(parts, ddof=1)) / np.sqrt(len(parts)) if len(parts) > 1 else COARSE
-    return Offsets(seconds, max(spread, FINE), *_heading_offset(time + seconds, log, vehicle))
+    heading, turning = _heading_offset(time + seconds, log, vehicle)
+    unlike = [f"headings by {turning:.0f} degree"] if turning > TURNING else []
+    for name_of, (own_time, values, own) in pairs.items():
+        at, reach = time + seconds, float(np.ptp(own))
+        inside = (at >= own_time[0]) & (at <= own_time[-1])
+        rest = np.interp(at[inside], own_time, values) - own[inside]
+        middle = float(np.median(rest))
+        if name_of == "depth" and abs(middle) > max(DEEPER, DEEPER_SHARE * reach):
+            unlike.append(f"depths by {abs(middle):.0f} m throughout")
+        apart_by = float(np.quantile(np.abs(rest - middle), MOST)) / MOST_DEVIATIONS
+        if apart_by > max(ALIKE, ALIKE_SHARE * reach):
+            unlike.append(WORDS[name_of].format(apart_by * UNITS[name_of]))
+    if unlike:
+        raise InputError(
+            f"{name} is not of {vehicle.deployment}: with its clock moved by {seconds:+.0f} s, "
+            f"where both agree best, they differ: {', '.join(unlike)}. Give the Doppler log of "
+            f"the same vehicle and dives, with a clock that is right to {REACH:g} s"
+        )
+    return Offsets(seconds, max(spread, FINE), heading, turning)
 
 
 Pair = tuple[Array, Array, Array]
@@ -120,7 +149,7 @@ def _heading_offset(time: Array, log: Ensembles, vehicle: DeploymentLog) -> tupl
     middle = np.angle(np.exp(1j * np.radians(turned)).mean(), deg=True)
     rest = (turned - middle + 180.0) % 360.0 - 180.0
     median = float(np.median(rest))
-    spread = 1.4826 * float(np.median(np.abs(rest - median)))
+    spread = MAD * float(np.median(np.abs(rest - median)))
     return float((middle + median + 180.0) % 360.0 - 180.0), spread
 
 

@@ -65,7 +65,7 @@ def _alone(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
         tally.add("missing", "measured_depth", 1, f"{path.name} has one depth throughout")
     time = np.unique(log.time)
     rows = np.split(time, np.flatnonzero(np.diff(time) > GAP) + 1)
-    step = float(np.median(np.diff(time))) if len(time) > 1 else SHORTEST
+    step = float(np.median(np.diff(time))) if len(time) > 1 else None
     return DeploymentLog(
         deployment=path.stem,
         platform=SUBJECT,
@@ -75,7 +75,7 @@ def _alone(path: Path, options: ReadOptions, tally: Tally) -> DeploymentLog:
         magnetic_variation=EMPTY,
         files=(path.name,),
         pieces=tuple((float(row[0]), float(row[-1])) for row in rows),
-        period=max(float(f"{step:.3g}"), SHORTEST),
+        period=None if step is None else max(float(f"{step:.3g}"), SHORTEST),
     )
 
 

@@ -280,8 +280,9 @@ def carried(path, *, offset=0.0, turned=0.0, tilt=0.0, flight=FLIGHT, step=3.0):
     start, end = flight.dive_times(0)
     time = np.arange(start + 5.0, end - 5.0, step)
     state = flight.state(time)
+    state["heading"] = state["heading"] - turned - flight.variation
     rows = [
-        {"time": t - offset, "depth": z, "pitch": p, "heading": h - turned - flight.variation,
+        {"time": t - offset, "depth": z, "pitch": p, "heading": h,
          "water": [s, 0.0, 0.0], "tilt": tilt}
         for t, z, p, h, s in zip(time, *(state[n] for n in ("depth", "pitch", "heading", "speed")),
                                  strict=True)
@@ -322,6 +323,26 @@ def test_what_does_not_fit_a_vehicles_log_is_refused(tmp_path):
     flat = pd0_files.write(tmp_path / "flat.pd0", level)
     assert "neither depth nor pitch varies" in refused("slocum", paths, doppler=[flat])
     assert "leave --doppler out" in refused("pd0", [flat], doppler=[flat])
+
+
+def test_the_doppler_log_of_another_vehicle_is_refused(tmp_path):
+    paths = samples.write("slocum", tmp_path / "logs", FLIGHT, layout="csv")
+    shallow = carried(tmp_path / "a.pd0", flight=dataclasses.replace(FLIGHT, depth=80.0))
+    said = refused("slocum", paths, doppler=[shallow])
+    assert "a.pd0 is not of" in said
+    assert "differ: depths by" in said
+    start, end = FLIGHT.dive_times(0)
+    turned = 0.1 * np.arange(0.0, end - start - 10.0, 3.0)
+    said = refused("slocum", paths, doppler=[carried(tmp_path / "b.pd0", turned=turned)])
+    assert "differ: headings by" in said
+    assert "depths" not in said
+
+
+def test_a_file_of_one_ensemble_sets_no_period(tmp_path):
+    whole = pd0_files.write(tmp_path / "whole.pd0", pd0_files.yo(step=3.0))
+    one = pd0_files.write(tmp_path / "one.pd0", pd0_files.yo(step=3.0)[:1])
+    dataset, _ = import_logs("pd0", [whole, one])
+    assert np.diff(dataset["time"].values)[:3] == pytest.approx(3.0)
 
 
 def test_the_command_takes_both(tmp_path, capsys):

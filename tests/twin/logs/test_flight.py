@@ -68,6 +68,17 @@ def test_the_velocities_are_the_true_ones(store, flight):
     assert np.nanmedian(np.abs(found - alpha)[steady]) < 0.3
 
 
+def test_angles_say_by_how_much_the_velocities_correct_them(flight):
+    turned = dataclasses.replace(
+        flight.calibration,
+        pitch_offset=np.radians(2.7),
+        heading_cycles=(0.0, np.radians(-1.5), 0, 0),
+    )
+    dataset = flight_dataset(dataclasses.replace(flight, calibration=turned))
+    assert "1 pitch +2.700 degree" in dataset["pitch"].attrs["comment"]
+    assert "h +0.000 -1.500 sin(h) degree" in dataset["heading"].attrs["comment"]
+
+
 def test_rising_water_is_found_in_dives_and_climbs(flight):
     summary = flight.summary()
     assert summary.w_mean_dive == pytest.approx(0.01, abs=0.002)
