@@ -29,7 +29,7 @@ ROOMS = {
     "factory/commands": (995, 5923),
     "factory/exporting": (2137, 12231),
     "factory/generation": (1831, 10527),
-    "factory/importing": (14023, 102156),
+    "factory/importing": (14034, 102203),
     "factory/samples": (774, 5625),
     "factory/sampling": (2526, 14532),
     "learn": (1806, 9900),

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from factory.importing.deployment_log import DeploymentLog
+from factory.importing.doppler.closure import ROBUST
 from factory.importing.doppler.pd0 import Array, Ensembles
 from twin.errors import InputError
 
@@ -20,9 +21,9 @@ REACH, COARSE, FINE = 3600.0, 5.0, 0.1
 UNITS = {"depth": 1.0, "pitch": 3.0}
 WORDS = {"depth": "depths by {:.1f} m", "pitch": "pitches by {:.1f} degree"}
 """Differences of depth and pitch that weigh the same, and their texts."""
-MAD, MOST, MOST_DEVIATIONS = 1.4826, 0.8, 1.2816
-"""Standard deviation over median absolute deviation, of normal errors; share of the samples that
-must agree, since turns may not, and the standard deviations within which it lies."""
+MOST, MOST_DEVIATIONS = 0.8, 1.2816
+"""Share of the samples that must agree, since turns may not, and the standard deviations within
+which that share of normal errors lies."""
 MOVES, CAPPED = 3.0, 25.0
 """Smallest standard deviation, in these, of a record that can be aligned, and largest square of a
 difference: turns are short, and sampled at other times."""
@@ -89,16 +90,7 @@ def find_offsets(name: str, layouts: Sequence[Ensembles], vehicle: DeploymentLog
     spread = float(np.std(parts, ddof=1)) / np.sqrt(len(parts)) if len(parts) > 1 else COARSE
     heading, turning = _heading_offset(time + seconds, log, vehicle)
     unlike = [f"headings by {turning:.0f} degree"] if turning > TURNING else []
-    for name_of, (own_time, values, own) in pairs.items():
-        at, reach = time + seconds, float(np.ptp(own))
-        inside = (at >= own_time[0]) & (at <= own_time[-1])
-        rest = np.interp(at[inside], own_time, values) - own[inside]
-        middle = float(np.median(rest))
-        if name_of == "depth" and abs(middle) > max(DEEPER, DEEPER_SHARE * reach):
-            unlike.append(f"depths by {abs(middle):.0f} m throughout")
-        apart_by = float(np.quantile(np.abs(rest - middle), MOST)) / MOST_DEVIATIONS
-        if apart_by > max(ALIKE, ALIKE_SHARE * reach):
-            unlike.append(WORDS[name_of].format(apart_by * UNITS[name_of]))
+    unlike += [text for n, pair in pairs.items() for text in _unlike(n, time + seconds, pair)]
     if unlike:
         raise InputError(
             f"{name} is not of {vehicle.deployment}: with its clock moved by {seconds:+.0f} s, "
@@ -110,6 +102,25 @@ def find_offsets(name: str, layouts: Sequence[Ensembles], vehicle: DeploymentLog
 
 Pair = tuple[Array, Array, Array]
 """Times and values of the vehicle's log, and values of the Doppler log, in `UNITS`."""
+
+
+def _unlike(name: str, at: Array, pair: Pair) -> list[str]:
+    """Differences of depth or pitch beyond those of two sensors of one vehicle, as texts.
+
+    Args:
+      at: times [s] of the Doppler log by the vehicle's clock.
+    """
+    time, values, own = pair
+    inside, reach = (at >= time[0]) & (at <= time[-1]), float(np.ptp(own))
+    rest = np.interp(at[inside], time, values) - own[inside]
+    middle = float(np.median(rest))
+    found = []
+    if name == "depth" and abs(middle) > max(DEEPER, DEEPER_SHARE * reach):
+        found.append(f"depths by {abs(middle):.0f} m throughout")
+    deviation = float(np.quantile(np.abs(rest - middle), MOST)) / MOST_DEVIATIONS
+    if deviation > max(ALIKE, ALIKE_SHARE * reach):
+        found.append(WORDS[name].format(deviation * UNITS[name]))
+    return found
 
 
 def _refined(start: float, time: Array, pairs: Sequence[Pair]) -> float:
@@ -149,7 +160,7 @@ def _heading_offset(time: Array, log: Ensembles, vehicle: DeploymentLog) -> tupl
     middle = np.angle(np.exp(1j * np.radians(turned)).mean(), deg=True)
     rest = (turned - middle + 180.0) % 360.0 - 180.0
     median = float(np.median(rest))
-    spread = MAD * float(np.median(np.abs(rest - median)))
+    spread = ROBUST * float(np.median(np.abs(rest - median)))
     return float((middle + median + 180.0) % 360.0 - 180.0), spread
 
 
