@@ -311,9 +311,9 @@ def _as_logged(calibration: Calibration) -> dict[str, dict[str, str]]:
     offset, *cycles = np.degrees([calibration.heading_offset, *calibration.heading_cycles])
     names = ("cos(h)", "sin(h)", "cos(2h)", "sin(2h)")
     terms = "".join(f" {c:+.3f} {name}" for c, name in zip(cycles, names, strict=True) if c)
-    scale, shift = calibration.pitch_scale, np.degrees(calibration.pitch_offset)
+    scale, level = calibration.pitch_scale, np.degrees(calibration.pitch_offset)
     return {
-        "pitch": {"comment": f"{said} {scale:.4g} pitch {shift:+.3f} degree"},
+        "pitch": {"comment": f"{said} {scale:.4g} pitch {level:+.3f} degree"},
         "heading": {"comment": f"{said} h {offset:+.3f}{terms} degree, h this heading"},
     }
 
