@@ -43,6 +43,10 @@ FULL_RATE = 10.0
 """[s] Longest sample period at which lags of a CTD are judged"""
 LEAST_BINS = 4
 """Fewest bins of a dive or climb from which a channel is computed"""
+LEAST_RUN = 8
+"""Fewest consecutive samples of a descent or ascent whose depth rate is judged: at satellite rate a
+yo of 30 m has two or three, and its turns are in each difference of depths. At such rates (longer
+than `FINEST`) the first and the last sample of a run are left out for that reason"""
 WHOLE, LEAST_WHOLE = 0.7, 3.0
 """Fraction of the highest rate above which a pump runs at full rate, and the fewest consecutive
 samples at full rate from which the rate is read. The one highest sample of a fast pump depends on
@@ -51,6 +55,9 @@ FINEST = 20.0
 """[s] Longest sample period at which a pump's strokes can be seen"""
 AGREE = 6.0
 """[s] Difference of a lag between the halves of a dive that is accepted, or the lag itself"""
+COUNTED = 0.9
+"""Least fraction of a dive between its first and its last reading of the charge: pumps take most of
+it in a few strokes, and a part of the dive has more or fewer of them"""
 LOST = 0.5
 """Largest fraction of lost samples below the surface of a dive whose glide is judged"""
 LAYER = 2.0
@@ -244,8 +251,14 @@ def _rates(
     """1 less the flight model's depth rate over the log's, of dives and of climbs."""
     sink = log.filtered(motion.sink_rate(log.roll, calibration.true_pitch(log.pitch)))
     used, found = log.use & dive.watered() & np.isfinite(sink), {}
+    ends = int(dive.period > FINEST)
     for word, sign in PHASES:
-        phase = used & (sign * log.depth_rate > LEVEL_RATE)
+        moving = np.diff(sign * log.depth_rate > LEVEL_RATE, prepend=False, append=False)
+        phase = np.zeros_like(used)
+        for first, end in np.flatnonzero(moving).reshape(-1, 2):
+            if end - first >= LEAST_RUN:
+                inner = slice(first + ends, end - ends)
+                phase[inner] = used[inner]
         if phase.sum() * dive.period >= LEAST_BINS * BIN:
             found[f"rate_{word}"] = float(1.0 - sink[phase].sum() / log.depth_rate[phase].sum())
     return found
@@ -371,7 +384,7 @@ def _power(dive: DiveSignals, depth: Array) -> dict[str, float]:
                     found["resistance"] = math.log(slope)
     elif charge is not None and voltage is not None:
         read = np.flatnonzero(np.isfinite(charge))
-        if len(read) > 1 and read[-1] - read[0] > 10:
+        if len(read) > 1 and read[-1] - read[0] > max(10.0, COUNTED * len(charge)):
             hours = (read[-1] - read[0]) * dive.period / 3600.0
             taken = float(charge[read[-1]] - charge[read[0]])
             if taken > 0.0:

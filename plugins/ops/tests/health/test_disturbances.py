@@ -167,3 +167,37 @@ def test_a_signature_is_of_the_dive_and_not_of_hours_at_the_surface(glider):
     shown = drift.signature[PLACE["surface_depth"]]
     # a day after its begin it shows what it has drifted by, in metres of sea water
     assert shown == pytest.approx(0.99, abs=0.05)
+
+
+def rates(depth, period):
+    """Rates' channels of yos to a depth [m] at 0.15 m/s, sampled every `period` [s] of 4 h."""
+    time = np.arange(0.0, 4 * 3600.0, period)
+    way = 0.15 * time / depth
+    rising = way % 2.0 > 1.0
+    signals = {
+        "measured_depth": depth * np.abs((way + 1.0) % 2.0 - 1.0),
+        "measured_pitch": np.where(rising, 24.0, -24.0),
+        "measured_pump": np.where(rising, 200.0, -200.0),
+    }
+    calibration = load_calibration("slocum-200")
+    found = channels_of(DiveSignals(period=period, signals=signals), calibration)
+    return found[[PLACE["rate_dive"], PLACE["rate_climb"]]]
+
+
+def test_depth_rates_of_yos_that_satellite_samples_do_not_resolve_are_not_judged():
+    assert np.isnan(rates(30.0, 60.0)).all()
+    assert np.isfinite(rates(30.0, 4.0)).all()
+    moved = np.abs(rates(300.0, 60.0) - rates(300.0, 4.0))
+    assert (moved < NOISE[[PLACE["rate_dive"], PLACE["rate_climb"]]]).all()
+
+
+@pytest.mark.parametrize(("lost", "power"), [(0, 1.5), (40, np.nan)])
+def test_a_part_of_the_charge_tells_no_power(lost, power):
+    charge = np.linspace(20.0, 20.0 + 1.5 * 100 / 60.0 / 14.0, 101)
+    charge[:lost] = np.nan
+    signals = {
+        "measured_depth": np.linspace(0.0, 300.0, 101), "measured_charge": charge,
+        "measured_voltage": np.full(101, 14.0),
+    }  # fmt: skip
+    found = channels_of(DiveSignals(period=60.0, signals=signals), None)[PLACE["hotel"]]
+    assert found == pytest.approx(power, nan_ok=True)
