@@ -6,6 +6,7 @@ Oceanic Technol. 19, 794-807; for gliders Todd et al. 2017, J. Atmos. Oceanic Te
 
     cells         velocity = current at the cell + velocity past the cell
     flight model  velocity = current at the vehicle + velocity through the water
+    bottom track  velocity = velocity over the bottom, where the log has it
     fixes         sum of velocity times period = displacement
 
 Further unknowns, with priors, are errors that do not average out: the compass' offset, a bias of
@@ -20,9 +21,11 @@ import dataclasses
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import block_diag, cho_factor, cho_solve
 from scipy.sparse import csr_array, hstack, kron
 
+from twin.frames import euler_to_matrix
 from twin.identify.calibration import Array, Calibration
 from twin.logs.corrected_track import HEADING_DEVIATION, SPEED_DEVIATION, DiveCurrent
 from twin.logs.flight_estimator import FlownDive
@@ -39,6 +42,9 @@ standard deviation without attitude."""
 CELL_DEVIATION, MOST_NODES, BLOCK = 0.05, 100, 60.0
 """CELL_DEVIATION: [m/s] standard deviation of cells before the fit. MOST_NODES: maximum number of
 nodes. BLOCK: [s] time within which cells err alike."""
+OVER_BOTTOM = ("bottom_surge", "bottom_sway", "bottom_heave", "roll", "pitch")
+MODEL, BOTTOM = -1, -2
+"""Sources of rows beside the cells, which are numbered from 0."""
 ROUNDS, OUTLIER, ROBUST = 4, 3.0, 1.4826
 """ROUNDS: number of fits. OUTLIER: standard deviations from which residuals weigh less (Huber).
 ROBUST: standard deviation over median absolute deviation."""
@@ -76,12 +82,16 @@ def current_profile(
     time, cell = np.nonzero(np.isfinite(ahead) & np.isfinite(heading)[:, None])
     if not len(time):
         return None
-    # a row for each sample by the flight model, then one for each velocity of a cell
+    # a row for each sample by the flight model, then for each velocity of a cell, of bottom track
     count, turn = len(ahead), np.exp(1j * np.nan_to_num(heading))
-    sample, source = np.append(np.arange(count), time), np.append(np.full(count, -1), cell)
-    model, water = source < 0, dive.velocity[part] @ [1.0, 1.0j]
-    velocity = np.append(water, (ahead + 1j * starboard)[time, cell] * turn[time])
-    reach = np.append(np.zeros(count), below[time, cell])
+    bottom = _over_bottom(store, dive)[part] * turn
+    locked = np.flatnonzero(np.isfinite(bottom))
+    sample = np.concatenate([np.arange(count), time, locked])
+    source = np.concatenate([np.full(count, MODEL), cell, np.full(len(locked), BOTTOM)])
+    model, water = source == MODEL, dive.velocity[part] @ [1.0, 1.0j]
+    past = (ahead + 1j * starboard)[time, cell] * turn[time]
+    velocity = np.concatenate([water, past, bottom[locked]])
+    reach = np.concatenate([np.zeros(count), below[time, cell], np.zeros(len(locked))])
     known = np.isfinite(heading if dive.motion is None else heading + dive.motion.surge[part])
     repeats = math.sqrt(max(2.0 * CORRELATION_TIME / period, 1.0))
     deviation = np.full(len(sample), CELL_DEVIATION)
@@ -97,7 +107,8 @@ def current_profile(
     place = (at - depth[0]) / height
     node = np.clip(place.astype(np.int64), 0, nodes - 2)
     where = np.tile(np.arange(len(at)), 2), np.append(node, node + 1)
-    linear = csr_array((np.append(1.0 - place + node, place - node), where))
+    share = np.append(1.0 - place + node, place - node) * np.tile(source != BOTTOM, 2)
+    linear = csr_array((share, where), shape=(len(at), nodes))
     slope = np.diff(np.eye(nodes), axis=0) / (SHEAR * math.sqrt(height * max(SHEAR_HEIGHT, height)))
     inverse = slope.T @ slope + np.eye(nodes) / (nodes * ANY_CURRENT**2)
     of_errors = np.array([HEADING_DEVIATION, RANGE_BIAS, SPEED_DEVIATION, SPEED_DEVIATION])
@@ -129,7 +140,7 @@ def current_profile(
         missed = (matrix @ found + value - (middle @ found + level)[row]).reshape(2, -1)
         smooth = velocity - missed[0] - 1j * missed[1]
         missed /= np.sqrt(np.maximum(1.0 - weight / total[row], 1e-3)).reshape(2, -1)
-        for one in np.unique(cell):
+        for one in np.unique(source[~model]):
             noise = ROBUST * float(np.median(np.abs(missed[:, source == one])))
             deviation[source == one] = max(noise, 1e-3)
         scores = missed / deviation * ~model
@@ -140,3 +151,14 @@ def current_profile(
     spread = np.sqrt(np.diag(cho_solve(factor, np.eye(len(found)))))
     current, deviations = (v[: 2 * nodes].reshape(2, -1).T for v in (found, spread))
     return CurrentProfile(depth=depth, current=current, deviation=deviations)
+
+
+def _over_bottom(store: MissionStore, dive: FlownDive) -> NDArray[np.complex128]:
+    """Velocity over the bottom [m/s], ahead + i starboard in level axes, (time,); NaN where the
+    log has none."""
+    names = tuple(f"measured_{name}" for name in OVER_BOTTOM)
+    if any(name not in store for name in names):
+        return np.full(len(dive.depth), complex(np.nan))
+    *body, roll, pitch = (store.row(name, dive.mission).astype(float) for name in names)
+    level = euler_to_matrix(*np.radians([roll, pitch, np.zeros_like(roll)]))
+    return np.einsum("k,tkj,jt->t", [1.0, 1.0j, 0.0], level, body)

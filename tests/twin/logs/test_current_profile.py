@@ -22,6 +22,10 @@ def water(depth):
     return 0.1 * np.exp(-depth / 50.0) - 0.03 + 0.25j / (1.0 + np.exp((depth - 50.0) / 8.0))
 
 
+def measured(**channels):
+    return {f"measured_{k}": np.broadcast_to(v, COUNT) for k, v in channels.items()}
+
+
 def solved(store, depth, model, moved, down):
     velocity, ends = np.stack([model.real, model.imag], 1), [[0.0, 0.0], [moved.real, moved.imag]]
     fixes = Fixes(sample=np.array([0, len(depth) - 1]), position=np.array(ends))
@@ -31,8 +35,9 @@ def solved(store, depth, model, moved, down):
     return current_profile(store, dive, load_calibration("slocum-200"), dac), dac
 
 
-def flown(seed, *, offset=0.0, headings=(30.0, 150.0), farther=0.0):
-    """Profile of a dive to 120 m whose compass errs by `offset` [degree]; errors by deviations."""
+def flown(seed, *, offset=0.0, headings=(30.0, 150.0), farther=0.0, bottom=None):
+    """Profile of a dive to 120 m whose compass errs by `offset` [degree]; errors by deviations.
+    `bottom`: depth [m] below which the Doppler log sees the bottom."""
     rng, down = np.random.default_rng(seed), np.arange(COUNT) < COUNT // 2
     depth = 120.0 * (1.0 - np.abs(np.arange(COUNT) - 200.0) / 200.0)
     heading = np.where(down, *headings) + 3.0 * np.sin(np.arange(COUNT) / 20.0)
@@ -50,6 +55,12 @@ def flown(seed, *, offset=0.0, headings=(30.0, 150.0), farther=0.0):
     store |= zip(
         (*CELLS, "measured_heading"), (past.real, past.imag, below, heading - offset), strict=True
     )
+    if bottom is not None:
+        seen = over / turn + 0.005 * rng.normal(size=(COUNT, 2)) @ UNIT
+        seen[depth < bottom] = np.nan
+        rolled = np.radians(20.0)  # in the hull's axes, of a hull that rolls to starboard
+        store |= measured(bottom_surge=seen.real, bottom_sway=seen.imag * np.cos(rolled))
+        store |= measured(bottom_heave=-seen.imag * np.sin(rolled), roll=20.0, pitch=0.0)
     found, _ = solved(store, depth, model, moved, down)
     truth = water(found.depth)
     return found, (found.current - np.stack([truth.real, truth.imag], axis=1)) / found.deviation
@@ -77,8 +88,16 @@ def test_fixes_close_the_mean():
     assert 4.0 * (COUNT - 1) * shift.mean(axis=0) == pytest.approx([80.0, -40.0], rel=0.05)
 
 
+def test_bottom_track_narrows_the_current_and_its_deviations_hold():
+    blind, seeing = (flown(3, offset=5.0, bottom=b)[0] for b in (None, 60.0))
+    deep = seeing.depth > 70.0
+    assert (seeing.deviation[deep] < blind.deviation[deep]).all()
+    scores = [flown(k, offset=5.0, bottom=60.0)[1] for k in range(20)]
+    assert np.sqrt(np.mean(np.square(scores))) < 1.25
+
+
 @pytest.mark.parametrize("run", [1, 2])
-def test_fixes_tell_a_real_auv_what_its_bottom_track_tells(run, tmp_path):
+def test_fixes_tell_a_real_auv_what_its_bottom_track_tells(run, tmp_path, monkeypatch):
     path = SHARED / "auv_remus600_ooi_2014" / f"remus600_run{run}.pd0"
     if not path.is_file():
         pytest.skip("needs the shared real logs")
@@ -93,7 +112,12 @@ def test_fixes_tell_a_real_auv_what_its_bottom_track_tells(run, tmp_path):
 
     over, depth = level("measured_bottom"), store.row("measured_depth", 0).astype(float)
     moved = np.trapezoid(over, dx=store.period)
-    found, dac = solved(store, depth, level("measured_dvl"), moved, np.zeros(len(depth), bool))
+    flown = depth, level("measured_dvl"), moved, np.zeros(len(depth), bool)
+    seen, dac = solved(store, *flown)
+    monkeypatch.setattr("twin.logs.current_profile.OVER_BOTTOM", ("none",))
+    found, _ = solved(store, *flown)
+    scores = (found.current - seen.current) / found.deviation
+    assert np.sqrt(np.mean(scores**2)) < 1.25
     ahead, starboard, below = (store.row(n, 0).astype(float) for n in CELLS)
     each = over[:, None] - (ahead + 1j * starboard) * np.exp(1j * angles[2])[:, None]
     at = np.rint((depth[:, None] + below - found.depth[0]) / np.diff(found.depth)[0])
