@@ -320,7 +320,7 @@ def naming(log: DeploymentLog) -> Iterator[None]:
 
     Raises:
       InputError: raised inside, which passes unchanged; or in place of any other exception but
-        those of OF_THE_MACHINE.
+        those of OF_THE_MACHINE, which pass too.
     """
     try:
         yield

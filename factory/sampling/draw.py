@@ -44,8 +44,7 @@ MOST_HOURS = 1e7
 MAX_SEGMENTS = 100
 """Maximum number of segments in a mission; more mean a wrong distribution of their duration."""
 PLAN_STREAM, MISSION_STREAM = 0, 1
-"""First element of every spawn key. PLAN_STREAM: random numbers of the plan. MISSION_STREAM: random
-numbers of one mission"""
+"""First element of spawn keys, for random numbers of the plan, or of a mission (MISSION_STREAM)"""
 _DURATION_STREAM, _SPLIT_STREAM = 0, 1
 SENSOR_STREAM = 1
 """Key of the sensors below a mission's key; a parameter's key is its name's checksum, above 1."""

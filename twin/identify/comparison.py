@@ -34,8 +34,7 @@ PRIOR = -1
 """Block number of the residuals of the priors"""
 DRAWS = 400
 LEAST_BLOCKS = 8
-"""Minimum number of blocks of a bootstrap. Fewer dives are cut into parts, because three dives say
-little."""
+"""Minimum number of bootstrap blocks; fewer dives are cut into parts, as three dives say little."""
 SEED = 20221123
 """Seed of the bootstrap: standard deviations are the same in every run."""
 OUTLIER = 3.0
@@ -45,9 +44,8 @@ LARGEST = 1e6
 LEAST_DIVES = 4
 """Minimum number of dives for a cross-validation"""
 LEAST_GAIN = 0.04
-"""[1] Smallest decrease of the mean square error of left-out dives by a supported parameter. The
-pitch offsets of ten public logs take 0 to 3.2 %, that of an eleventh 18 %
-(docs/howto/identify.md)."""
+"""[1] Smallest decrease of left-out dives' mean square error by a supported parameter. The pitch
+offsets of ten public logs take 0 to 3.2 %, that of an eleventh 18 % (docs/howto/identify.md)."""
 LEAST_DEVIATIONS = 2.0
 """Smallest gain of a supported parameter, in standard deviations of the gain"""
 

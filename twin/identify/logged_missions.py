@@ -28,8 +28,7 @@ OPTIONAL = (
     *("measured_shift", "measured_rotation", "measured_fin"),
 )
 WINDOW, LEAST_WINDOW = 20.0, 5
-"""Window of the depth rate's filter. WINDOW: [s], a quarter of an inflection. LEAST_WINDOW: minimum
-number of samples"""
+"""Depth rate's filter: WINDOW [s], a quarter of an inflection, and at least LEAST_WINDOW samples"""
 ATTITUDE_WINDOW = 8.0
 """[s] Window of the filter whose slope gives the rates of a log without gyroscopes"""
 AFLOAT = 0.5

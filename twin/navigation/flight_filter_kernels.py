@@ -91,8 +91,7 @@ GUESS = 22
 COVARIANCE = GUESS + len(CONSTANTS)
 CARRIED = COVARIANCE + len(CONSTANTS) ** 2
 RATE, PLACE, LEARNED = 7, 8, 9
-"""Columns of a glide after its seven means. RATE: depth rate [m/s]. PLACE: sample. LEARNED: number
-of columns"""
+"""Glide's columns after its means. RATE: [m/s] depth rate. PLACE: sample. LEARNED: their number"""
 
 
 @jit

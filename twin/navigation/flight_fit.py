@@ -47,8 +47,7 @@ HUBER = 2.0
 FEWEST = 20
 """Minimum number of glides of a fit: four minutes of steady flight"""
 ROUNDS, STOP, MOST_DAMPING = 60, 1e-4, 1e6
-"""A fit ends after ROUNDS steps, at a step of STOP prior standard deviations, or at
-MOST_DAMPING."""
+"""A fit ends after ROUNDS steps, at a step of STOP standard deviations, or at MOST_DAMPING."""
 SURE = 1e-6
 """[1] Factor on the prior standard deviations that keeps the constants at the file's"""
 LN = "ln of the factor"

@@ -269,7 +269,7 @@ def _per_row(rows: Sequence[DiveRow]) -> dict[str, Any]:
     owners, doubts = ([getattr(row, name) for row in rows] for name in ("deployment", "suspect"))
     return variables | {
         DIVE: _described(DIVE, dive_numbers(rows)),
-        DEPLOYMENT: _described(DEPLOYMENT, np.array(owners, object)),  # fixed-width text warns
+        DEPLOYMENT: _described(DEPLOYMENT, np.array(owners, object)),  # zarr warns of fixed widths
         SUSPECT: _described(SUSPECT, np.array(doubts, object)),
         SPLIT: _described(SPLIT, split_rows(rows)),
     }

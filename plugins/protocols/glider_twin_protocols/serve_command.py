@@ -1,5 +1,5 @@
-"""`twin serve`: run one vehicle as a server that ArduPilot (or a client with its protocol) or ROS 2
-drives."""
+"""`twin serve`: run one vehicle as a server that ArduPilot (or a client with its protocol) or
+ROS 2 drives."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ class Ekman(Current):
         return replace(self, latitude_deg=(origin or Origin()).latitude(self.latitude_deg))
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """Make one record."""
+        """Make the record that the compiled function reads."""
         latitude = origin.latitude(self.latitude_deg)
         if abs(latitude) < LOWEST_LATITUDE:
             raise CurrentError(
@@ -127,7 +127,7 @@ class Geostrophic(Current):
     """[degree] Compass direction TOWARD which the barotropic part flows; None: `direction_deg`."""
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """Make one record."""
+        """Make the record that the compiled function reads."""
         sheared = math.radians(self.direction_deg)
         other = self.barotropic_direction_deg
         constant = sheared if other is None else math.radians(other)
@@ -196,7 +196,7 @@ class LogLayer(Current):
         speed(self.kind, "speed at the layer's top", top)
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """Make one record."""
+        """Make the record that the compiled function reads."""
         angle = math.radians(self.direction_deg)
         scale = self.friction_velocity / VON_KARMAN
         along = scale * math.cos(angle), scale * math.sin(angle)
