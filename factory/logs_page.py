@@ -33,7 +33,7 @@ from twin.show.style import DAY, LABEL, draw_dates
 Array = NDArray[np.float64]
 
 POINTS = 400
-"""Most samples of a dive in a figure"""
+"""Maximum number of samples of a dive in a figure"""
 HEIGHTS = (3.5, 1.9, 1.25, 1.25, 1.25)
 """[in] Heights of map, depths and three rows of figures of dives"""
 NO_MAP = 0.6

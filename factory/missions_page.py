@@ -21,14 +21,14 @@ from twin.show import style
 Array = NDArray[np.float64]
 
 MOST_TRACKS = 60
-"""Most tracks in the figure; more would hide each other."""
+"""Maximum number of tracks in the figure; more would hide each other."""
 MOST_PROFILES = 8
-"""Most missions in the figure of depth over time"""
+"""Maximum number of missions in the figure of depth over time"""
 MOST_MISSIONS = 200
-"""Most missions that the page reads, evenly chosen from the store"""
+"""Maximum number of missions that the page reads, evenly chosen from the store"""
 ALTITUDE = "true_altitude"
 POINTS = 1500
-"""Most samples of a mission that the page uses, evenly chosen"""
+"""Maximum number of samples of a mission that the page uses, evenly chosen"""
 BINS = 60
 COVERED = 0.1, 99.9
 """Percentiles at the ends of a histogram's axis; launches and surfacings lie outside."""
@@ -51,7 +51,7 @@ PARTS = {
 """Labels of a glider's parts in the order of the page; other parts have their signal's name."""
 COLUMNS = 3
 HEAD_HEIGHT, ROW_HEIGHT = 5.0, 1.4
-"""[in] Height of title, tracks and depths together, and of each row of histograms"""
+"""[in] HEAD_HEIGHT: of title, tracks and depths together. ROW_HEIGHT: of a row of histograms"""
 ERRORS = (
     ("pitch", "pitch error [deg]"),
     ("heading", "heading error [deg]"),

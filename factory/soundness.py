@@ -72,7 +72,7 @@ COMPLETE = frozenset({"measured_gap", *WITH_DEPTH})
 """Logged signals without NaN, because the import interpolates gaps and marks them"""
 CODES = {"measured_gap": (0.0, 1.0), "measured_phase": (0.0, 1.0, 2.0, 3.0)}
 OFFSET_TOLERANCE = 0.02, 2.0
-"""[1], [m] Tolerance of displacements: fraction of the distance of the fixes; least tolerance"""
+"""[1], [m] Tolerance of displacements: fraction of the distance of the fixes; smallest tolerance"""
 
 
 def verify_store(

@@ -28,13 +28,13 @@ Block = Mapping[str, NDArray[np.float32]]
 MissionCheck = Callable[[Any, int, Block, Mapping[str, "StoreCheck"]], None]
 """Function of a store, a mission's number, its signals, and the checks that record the results"""
 MISSIONS_AT_ONCE = 16
-"""Least number of missions that are read together; 16 of some hours take about 100 MB."""
+"""Minimum number of missions that are read together; 16 of some hours take about 100 MB."""
 SAMPLES_AT_ONCE = 16 * 7200
-"""Least number of samples that are read together; a request for few samples would waste time"""
+"""Minimum number of samples that are read together; a request for few samples would waste time"""
 WHOLE_SHARD = 4
 """Largest shard that is read whole, as a multiple of the missions that are read together"""
 MAX_NAMED = 20
-"""Most problems of one check that are named; further ones are counted."""
+"""Maximum number of problems of one check that are named; further ones are counted."""
 NUMBER = re.compile(r"(?<=[\s=])-?\d[\d.e+-]*")
 """Number in a problem's text, but not in the name of a file or array"""
 

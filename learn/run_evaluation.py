@@ -30,8 +30,7 @@ from twin.records.storage.store_path import StorePath, store_path
 from twin.vehicle.vehicle import Vehicle
 
 LEAST_JUDGED = 66
-"""Least number of missions that judge a run; one of two hours takes half a second of a processor,
-its flight included"""
+"""Minimum number of missions that judge a run; a mission of 2 h takes 0.5 s of a processor."""
 Say = Callable[[str], None]
 
 

@@ -32,20 +32,20 @@ if TYPE_CHECKING:
     import xarray as xr
 
 MOST_TEXT, MOST_SETTINGS = 64 * 2**20, 256 * 2**10
-"""[byte] Largest text file with a table (a million rows of sixty characters), and largest file of
-settings that a person writes (TOML, YAML; a hundred times the usual size)"""
+"""[byte] MOST_TEXT: largest text file with a table, a million rows of sixty characters.
+MOST_SETTINGS: largest file of settings (TOML, YAML), a hundred times the usual size"""
 MOST_LINE = 2000
-"""Most characters in a line of settings: time to parse a dotted key grows with its square"""
+"""[character] Longest line of settings; time to parse a dotted key grows with its square"""
 LONGEST_NAME, MOST_STEM = 255, 100
-"""Most characters of a file's name, and of a file's name that is made from foreign text"""
+"""[character] LONGEST_NAME: longest name of a file. MOST_STEM: longest made from foreign text"""
 MOST_WAYS = 10**8
-"""Most ways in which a pattern's repeats may divide a name; all take a second or two to try"""
+"""Maximum number of ways in which a pattern may divide a name; to try all takes a second or two."""
 MOST_RATIO, FREE_BYTES = 300, 256 * 2**20
-"""Largest ratio of declared bytes to stored bytes of an array file, and [byte] the declared size
-that is never refused. Real stores and logs have ratios of 2 to 30."""
+"""MOST_RATIO: largest ratio of declared bytes to stored bytes of an array file; real stores and
+logs have 2 to 30. FREE_BYTES: [byte] declared size that is never refused."""
 MOST_UNPACKED, UNPACKED_BYTES = 50, 2**25
-"""Largest ratio of unpacked bytes to stored bytes of a foreign log, and [byte] the unpacked size
-that is never refused. Reading takes up to twenty times the unpacked size in memory. Logs of
+"""MOST_UNPACKED: largest ratio of unpacked bytes to stored bytes of a foreign log. UNPACKED_BYTES:
+[byte] unpacked size that is never refused; reading takes up to twenty times it in memory. Logs of
 vehicles have ratios of 2 to 10, many columns of missing values forty."""
 
 _KINDS = {

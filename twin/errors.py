@@ -15,11 +15,11 @@ from collections.abc import Iterable
 from typing import Any
 
 CLOSE = 0.6
-"""Least similarity of two spellings for the one to be suggested for the other; 1 is equal"""
+"""Smallest similarity of two spellings for the one to be suggested for the other; 1 is equal"""
 MOST_LETTERS = 1200
-"""Most characters of a message; the longest list of allowed names is a little shorter"""
+"""[character] Longest message; the longest list of allowed names is a little shorter"""
 MOST_NAMES, NEAREST = 45, 6
-"""Most names that a message lists in full, and the number that it lists of a longer list"""
+"""MOST_NAMES: maximum number listed in full. NEAREST: number listed of a longer list"""
 
 
 def nearest(name: str, names: Iterable[str], *, close: float = CLOSE) -> str | None:

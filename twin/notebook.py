@@ -10,9 +10,9 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 WIDTH, HEIGHT, EDGE = 260.0, 90.0, 6.0
-"""[px] Width and height of a picture, and width of its empty margin"""
+"""[px] WIDTH, HEIGHT: of a picture. EDGE: width of its empty margin"""
 POINTS = 200
-"""Most points of a line; the picture cannot resolve more"""
+"""Maximum number of points of a line; the picture cannot resolve more"""
 INK, GREY = "#2a6f97", "#8d99a6"
 
 

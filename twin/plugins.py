@@ -27,7 +27,7 @@ PLUGIN_MODULE = "glider_twin_plugin_"
 PROGRAMS = ("__main__", "__mp_main__")
 """Module names of the file that Python was started with, in this process and its workers."""
 PLUGIN_FOLDER, OWN_PLUGINS = "plugins/", "glider-twin-"
-"""Prefixes of this project's plugins: of their folders in a clone, and of their distributions"""
+"""Prefixes of own plugins. PLUGIN_FOLDER: folders in a clone. OWN_PLUGINS: distributions"""
 
 _plugins_ran: set[str] = set()
 

@@ -10,6 +10,6 @@ PHYSICS_VERSION = 3
 """Version of the physics that all vehicles share. A hull law or type of part that has changed since
 has a later `physics`; a vehicle has the latest of all its versions (`Vehicle.physics_version`).
 
-Counted up when the same recipe gives another trajectory. 1: the first stores of this program; 2:
-accelerating and sheared water acts on the hull, in proportion to its density; 3: no sensor uses
-later samples; 4, for some vehicles: body-axes laws in reversed flow, and propellers."""
+It rises by 1 when the same recipe gives another trajectory. 1: the first stores. 2: accelerating
+and sheared water exerts a force on the hull, in proportion to the water's density. 3: no sensor
+uses later samples. 4, some vehicles only: propellers, and body-axes laws in reversed flow."""

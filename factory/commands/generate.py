@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from factory.sampling import Recipe
 
 DEPLOYMENTS = "faulty", "piloted"
-"""Presets of deployments, and with -satellite behind the name of what a satellite sends."""
+"""Presets that make whole deployments; NAME-satellite keeps only the data sent by satellite."""
 DEFAULT_OUT = Path("data/missions.zarr")
 MOST_NAMED = 8
-"""Most differing arrays of a reference set that are named; the others are counted."""
+"""Number of differing arrays that are named, the first by name; further ones are counted."""
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"
 
 
@@ -46,9 +46,9 @@ class Generate(EngineOption, JsonOption):
     preset: str = "paper"
     """paper: noise-free, constant current; with a propeller: still water, the paper's instruments.
     field: sensor errors, sheared and tidal currents, changed vehicles, GPS at the surface.
-    family: as field, with vehicles far from their file and longer missions.
+    family: as field, but the vehicles differ widely from their file, and the missions are longer.
     paper-test: the paper's three test missions of a glider.
-    faulty: a glider's deployments of 20 to 60 dives as imported logs, half with a labelled fault.
+    faulty: deployments of 20 to 60 dives, stored like imported logs; half have a labelled fault.
     piloted: as faulty, with a pilot who changes settings, and with gaps in the log.
     faulty-satellite, piloted-satellite: only the data sent by satellite (docs/howto/health.md)"""
     seed: int = 0
@@ -68,7 +68,7 @@ class Generate(EngineOption, JsonOption):
     """TOML file with distributions to replace: tables [mission], [vehicle], [current], [water],
     [floor]"""
     vehicle: str = "glider"
-    """shipped vehicle name, or the path of an MJCF file; NAME:PRESET takes its preset"""
+    """shipped vehicle name, or the path of an MJCF file; :PRESET after it selects a preset in it"""
     sensors: str | None = None
     """sensor suite instead of the preset's: ideal, field, field-uncalibrated, field-no-dvl, survey
     or survey-field; +NAME adds a sensor of an installed plugin"""
@@ -177,7 +177,7 @@ class Generate(EngineOption, JsonOption):
             satellite = (f"{name}-satellite" for name in DEPLOYMENTS)
             presets = [*PRESETS, *DEPLOYMENTS, *satellite]
             raise InputError(unknown_name("preset", self.preset, presets))
-        # no check for a resumed store, which may be nearly complete, nor for an object storage
+        # a resumed store may be nearly complete, and an object storage has no disk that could fill
         if self.hours is not None and not self.resume and isinstance(self.out, Path):
             check_room(self.hours, self.out)
         names = ("preset", "hours", "seed", "vehicle", "sensors", "current", "engine")
@@ -294,7 +294,7 @@ class Distributions(JsonOption):
     set: tuple[str, ...] = ()
     """replaced distributions, as in `factory generate`"""
     vehicle: str = "glider"
-    """shipped vehicle name, or the path of an MJCF file; NAME:PRESET takes its preset"""
+    """shipped vehicle name, or the path of an MJCF file; :PRESET after it selects a preset in it"""
     config: Path | None = None
     """TOML file with replaced distributions"""
 

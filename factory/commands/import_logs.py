@@ -45,7 +45,7 @@ class ImportLogs(JsonOption):
         tyro.conf.arg(help=f"seconds between samples of the store [default: {PERIODS}]"),
     ] = None
     min_depth: float = 5.0
-    """least depth in metres of a dive between two fixes"""
+    """smallest depth in metres of a dive between two fixes"""
     variation_deg: float | None = None
     """magnetic variation, east positive [default: the log's own]"""
     cache: Annotated[

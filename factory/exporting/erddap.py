@@ -36,7 +36,7 @@ MILLISECONDS = "1970-01-01T00:00:00.000Z"
 ABOUT = ("infoUrl", "creator_url", "publisher_url", "references")
 """Attributes that may hold the address of a page about a file, in order of preference."""
 ADDRESS, ABSOLUTE = r"https?://[!-~]+", r"(/|[A-Za-z]:[\\/]).*"
-"""Patterns of a page's address, and of an absolute path of Unix or Windows."""
+"""ADDRESS: pattern of a page's address. ABSOLUTE: of an absolute path of Unix or Windows."""
 CATEGORIES = (
     (r"time", "Time"),
     (r"latitude|longitude|depth", "Location"),
@@ -48,8 +48,7 @@ CATEGORIES = (
     (r".*oxygen.*", "Dissolved O2"),
     (r".*chlorophyll.*", "Ocean Color"),
 )
-"""IOOS category, which ERDDAP demands, by the standard name; otherwise text is an Identifier, the
-rest Other."""
+"""ERDDAP's IOOS category by standard name. Without one, text is an Identifier, the rest Other."""
 
 
 def _write(

@@ -18,9 +18,9 @@ from twin.records.attributes import DEPLOYMENT_METADATA
 from twin.records.reader import MissionStore
 
 MOST_DEPTH = 32
-"""Most sections inside each other in a metadata file; pyglider's has 3."""
+"""Maximum number of sections inside each other in a metadata file; pyglider's has 3."""
 MOST_REFERENCES = 8
-"""Most references (*name) in a metadata file; each can double the values before it."""
+"""Maximum number of references (*name) in a metadata file; each can double the values before it."""
 
 GLOBAL = ("metadata", "global")
 DEVICES = ("glider_devices", "sensors")

@@ -9,7 +9,7 @@ complete when its `zarr.json` exists, which is written last. An object storage h
 Runs of one recipe need none, because they write the same bytes. A run of another recipe is refused:
 the recipe that began first keeps the name.
 
-`Layout` groups missions into shards, by their number and the size of a batch.
+`Layout` divides the missions into shards; batched missions make fewer and larger ones.
 `check_target` checks the name of a store before a run.
 """
 
@@ -52,18 +52,18 @@ Forked workers inherit it from their parent."""
 _LOCKS: set[int] = set()
 """Descriptors of open files with locks"""
 MOST_IN_SHARD = 64
-"""Most missions in a small store's shard: 48 h of preset paper, 1 MB per signal, seconds of work"""
+"""Maximum number of missions in a small store's shard: 48 h of preset paper, 1 MB per signal"""
 SHARDS_PER_STORE = 8
-"""Least number of shards, if there are enough missions, so that parallel workers end together"""
+"""Number of shards that is aimed at, to occupy parallel workers; 17 missions make 6."""
 SHARDS_ABREAST = 4
-"""Least number of shards with the batched engine. In a batch of 64, a mission takes a twentieth of
-the time of a single one."""
+"""Number of shards that is aimed at with the batched engine. In a batch of 64, a mission takes a
+twentieth of the time that it takes alone."""
 MOST_SHARDS = 192
-"""Most shards of a store; beyond it shards grow, so a million missions stay below 20 000 files."""
+"""Maximum number of shards; then they grow, so a million missions stay below 20 000 files."""
 ROWS = 65_536
-"""Most missions in a chunk of an array with one value for each mission, rounded to whole shards"""
+"""Maximum number of missions in a chunk of an array over missions, rounded down to whole shards"""
 MAX_DIFFERENCES = 5
-"""Most differences between recipes that an error names"""
+"""Maximum number of differences between recipes that an error names"""
 
 
 class Layout(NamedTuple):
@@ -252,8 +252,8 @@ def check_target(
     """Check the path of a store; True if a complete store of this recipe is there already.
 
     Args:
-      alone: whether this process holds the lock alone; then unfinished runs that kept nothing or
-        that `overwrite` replaces are removed.
+      alone: True if this process alone holds the lock. Unfinished runs are then removed if they
+        have no finished shard, or if `overwrite` replaces them.
 
     Raises:
       StoreError: the path holds something else, or an unfinished store of another recipe.

@@ -3,8 +3,8 @@
 A task flies the missions of a shard and encodes each into files of a temporary folder. The task
 then moves the files into the tree of the job, and writes the marker when all files are on the disk.
 A shard without a marker is flown again. Two processes that fly one shard at once make the same
-bytes. If a mission fails, its parameters are sampled again with the seed of the next attempt; its
-number and the recipe still decide its bytes.
+bytes. If a mission fails, its parameters are sampled again with another seed, that of the next
+attempt. Recipe and number of a mission decide all these seeds, and thereby its bytes.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from twin.vehicle.consumption import ENERGY
 Signals = Mapping[str, NDArray[Any]]
 """Signals of one mission by name, each (samples,), in the values of the store"""
 MOST_SAMPLES = 500_000
-"""Most samples in a batch of missions; each sample takes about 400 bytes of memory."""
+"""Maximum number of samples in a batch of missions; each sample takes about 400 bytes of memory."""
 MAX_ATTEMPTS = 20
 """Number of failed attempts at a mission after which its distributions count as impossible"""
 _TASK_LOCK = threading.RLock()

@@ -24,7 +24,7 @@ TURN = 2.0 * np.pi
 MARGIN = 1.05
 """Factor by which rounding and calibration may take a heading beyond a full turn."""
 _SHARE = 0.1
-"""Fraction of the possible values that decides a unit; sentinels are fewer."""
+"""Fraction of values above the second limit of REACH that shows degrees; sentinels are fewer."""
 REACH = {
     "pitch": (1.6, 1.6),
     "roll": (MARGIN * np.pi, 0.7),
@@ -32,10 +32,9 @@ REACH = {
     "fin": (1.6, 0.7),
     "variation": (1.2, 1.2),
 }
-"""[rad] Largest possible size of an angle, and the size that more than a tenth of its values exceed
-only in degrees. Pitch and rudder stay below 90 degree. No glider rolls by 40 degree, or has its
-rudder so far over, for a tenth of its time. The variation is below 70 degree wherever gliders
-go."""
+"""[rad] Two limits of each angle's size: the largest possible, and that which only an angle in
+degrees exceeds in a tenth of its values. Pitch and rudder stay below 90 degree. No glider spends a
+tenth of its time with a roll or rudder of 40 degree. Variation is below 70 degree on all routes."""
 _SLIGHT = 0.15
 """[rad] A roll that stays below this (8.6 degree) is in radian: in degrees it would be no roll."""
 
@@ -176,9 +175,9 @@ def attitude_degrees(
 ) -> dict[str, Array]:
     """Convert angles of one log to degrees as declared; leave out those of another quantity.
 
-    Radian labelled as degrees show in the sink rate: a glider of 0.16 m/s at a third of a degree
-    would fly at 27 m/s. One software writes all its angles in one unit, so that roll and heading
-    follow the pitch.
+    Sink rate and pitch show radian labelled as degrees: a glider that sinks by 0.16 m/s at a pitch
+    of 0.3 degree would fly at 27 m/s. A program writes all its angles in one unit, so that roll and
+    heading have the unit that the pitch shows.
 
     Args:
       angles: by a key of `REACH`.

@@ -127,18 +127,18 @@ def clean(name: str, time: Array, values: Array, tally: Tally, *, subject: str =
 _WAVES = 5.0
 """[m], [dbar] Largest height above the sea of a sensor on a floating vehicle."""
 _RARE, _OFTEN = 0.01, 0.05
-"""Fractions of samples above the sea. Up to the first, all of them are removed; up to the second,
-only short runs. Beyond, the sensor has an offset: it is subtracted if the log shows when the
-vehicle floats, else reported."""
+"""Fractions of samples above the sea. Up to _RARE, all of them are removed; up to _OFTEN, only
+short runs. Beyond, the sensor has an offset: it is subtracted if the log shows when the vehicle
+floats, else reported."""
 _RUN = 3
 """Longest short run [samples]."""
 _UPWARD, _ABOVE = 2.0, 0.1
 """[m], [dbar] A column that counts upward spans more than `_UPWARD`. It rises above the sea by at
 most half of `_UPWARD` plus the fraction `_ABOVE` of its greatest depth."""
 _SENTINELS = 2
-"""Least number of extreme values that are ignored at either end of a column as sentinels."""
+"""Minimum number of extreme values that are ignored at either end of a column as sentinels."""
 _DIFFERENT = 10
-"""Fewest different values that show in which direction a column counts."""
+"""Minimum number of different values that show in which direction a column counts."""
 
 
 def above_sea(values: Array) -> NDArray[np.bool_]:
@@ -173,7 +173,7 @@ def downward(values: Array, subject: str, tally: Tally) -> Array:
 
 
 _KELVIN, _COLDEST, _WARMEST = 273.15, 268.0, 318.0
-"""[K] 0 degC, and the limits of water temperature."""
+"""[K] _KELVIN: 0 degC. _COLDEST, _WARMEST: limits of water temperature."""
 _MEASURED = 0.9
 """Fraction of the different values that must be possible in kelvin; the rest may be sentinels."""
 _FEWEST = 20

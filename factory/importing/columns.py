@@ -29,15 +29,15 @@ Array = NDArray[np.float64]
 MISSING = frozenset({"", "nan", "na", "null", "none", "n/a", "--"})
 """Words that mean "no value", compared in lower case."""
 LONGEST_HEADER = 2**20
-"""Most characters of the line of column names; a Slocum's two thousand names need a tenth."""
+"""[character] Longest line of column names; a Slocum's two thousand names need a tenth."""
 MOST_COLUMNS = 10_000
-"""Most columns of a table; a Slocum knows three thousand sensors."""
+"""Maximum number of columns of a table; a Slocum knows three thousand sensors."""
 _YEAR = 365.25 * 86400.0
 _JUMP = _YEAR
 """[s] Longest silence of a deployment; a longer step in time is a jump of the clock."""
 _FEW = 0.01
-"""Rows beyond a jump are wrong if they are at most this fraction of the largest group, or one row
-beside `_SEVERAL` others. A clock was reset, or a number is damaged."""
+"""Jumps of the clock divide rows into groups. A group has a wrong clock if it has at most this
+fraction of the largest group's rows, or one row where the largest has at least `_SEVERAL`."""
 _SEVERAL = 10
 LARGEST = 1e30
 """Largest number that a log can hold, in any unit; netCDF's own fill value is 9.97e36."""
@@ -60,7 +60,7 @@ class Table:
     owner: str = ""
     """Vehicle or deployment, if the file names it."""
     short: int = 0
-    """Rows that were left out, as they have fewer cells than a file without a header has names."""
+    """Number of rows left out because they are too short, in a file without a header."""
 
     def has(self, *names: str) -> bool:
         """True when all the columns are there."""
@@ -271,8 +271,8 @@ def tidy(
 ) -> tuple[Array, dict[str, Array]]:
     """Sort by time and make times unique; repeated times become one row.
 
-    Rows without a time are left out. All changes are counted; rows are suspect while the clock
-    stands.
+    Rows without a time are left out. All changes are counted. Rows at which the clock stands still
+    are kept and marked as suspect.
     """
     known = np.isfinite(time) & (time >= FIRST_SECOND) & (time <= LAST_SECOND)
     tally.add("left out", subject, ~known, "rows without a possible time")

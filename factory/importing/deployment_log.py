@@ -82,7 +82,7 @@ class Channel:
 
     @functools.cached_property
     def on_change(self) -> bool:
-        """True if the channel has so many gaps that it is reported on change, or rarely."""
+        """True if many gaps show that the channel is reported on change, or rarely."""
         if len(self) < 3:
             return False
         holes = int((np.diff(self.time) > max(NEAR, _USUAL_HOLE * self.spacing)).sum())
@@ -105,7 +105,7 @@ NEAR = 120.0
 _USUAL_HOLE = 3.0
 """Longest gap that is covered, in usual sample spacings."""
 _AGAIN, _OFTEN = 2, 0.02
-"""Fewest gaps, and the fraction of samples they must exceed, of a channel reported on change."""
+"""A channel reported on change has at least _AGAIN gaps, and more than _OFTEN gaps per sample."""
 _AT_SAMPLE = 1e-3
 """[s] Distance from a sample within which its value always holds."""
 _AROUND = 9
@@ -244,8 +244,7 @@ class DeploymentLog:
 
     @property
     def span(self) -> tuple[float, float]:
-        """[s] First and last time of the depth, pressure and pitch samples; without these, of all
-        samples."""
+        """[s] First and last time of depth, pressure and pitch; without these, of all samples."""
         names = ("measured_depth", "measured_pressure", "measured_pitch")
         used = [c for n in names if len(c := self.channel(n))] or [*self.channels.values()]
         return min(c.time[0] for c in used), max(c.time[-1] for c in used)
@@ -317,10 +316,11 @@ def _described(error: Exception) -> str:
 
 @contextlib.contextmanager
 def naming(log: DeploymentLog) -> Iterator[None]:
-    """Turn any exception while a log is cut into dives into an InputError that names the log.
+    """Turn exceptions raised while a log is cut into dives into InputErrors that name the log.
 
     Raises:
-      InputError: unchanged if it was raised as such, else in place of the exception.
+      InputError: raised inside, which passes unchanged; or in place of any other exception but
+        those of OF_THE_MACHINE, which pass too.
     """
     try:
         yield

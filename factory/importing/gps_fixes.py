@@ -23,7 +23,7 @@ FIXES = "GPS fixes"
 STATION_DEPTH = 8.0
 """[m] Depth beyond which a fix is wrong even with rare depths, or paired by a shore station."""
 _STEPS = 3
-"""Fewest steps of nearly one velocity, faster than any drift, that show extrapolation."""
+"""Minimum number of equal steps, faster than any drift, that show extrapolated positions."""
 _ALIKE = 0.3
 """Fraction by which velocities that count as equal may differ."""
 _LONGEST_STEP = 60.0
@@ -31,9 +31,9 @@ _LONGEST_STEP = 60.0
 _NEAR = 120.0
 """[s] Longest time between a fix and the depth by which it is judged."""
 _SHARE, _LEAST = 0.5, 5
-"""Fraction, and number, of fixes under water beyond which the clocks are suspect."""
+"""With at least _LEAST fixes under water, and more than _SHARE of all, the clocks are suspect."""
 _QUARTER, _SHIFTS = 900.0, 96
-"""[s] Step of the clock differences that are tried (time zones); number of steps, each sign."""
+"""_QUARTER: [s] step of the clock differences tried. _SHIFTS: number of steps to either side."""
 _FITS = 0.9
 """Fraction of the fixes that a clock difference must bring to the surface to be reported."""
 QUALITIES = ("quality", "fix_quality", "gps_quality")
@@ -45,7 +45,7 @@ NO_DILUTION = 99.0
 """Dilution of precision of a receiver without a fix, which may also write 99.9."""
 SATELLITES = ("satellites", "num_satellites", "n_satellites", "numberofsatellites", "nsat", "nsats")
 FEWEST_SATELLITES = 3.0
-"""Fewest satellites for a fix at sea level."""
+"""Minimum number of satellites for a fix at sea level."""
 RECEIVER = (*QUALITIES, *DILUTIONS, *SATELLITES)
 """Receiver columns that are read, in small letters."""
 

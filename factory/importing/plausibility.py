@@ -23,13 +23,13 @@ Array = NDArray[np.float64]
 _BELOW = 5.0
 """[m] Depth beyond which samples are judged: waves and the surfacing are above."""
 _MOVING = 0.04
-"""[m/s] Least vertical speed of a glide."""
+"""[m/s] Smallest vertical speed of a glide."""
 _ENOUGH = 20
-"""Fewest samples of the descent, and as many of the climb, that allow a judgement."""
+"""Minimum number of samples of the descent, and as many of the climb, that allow a judgement."""
 FASTEST, SLOWEST = 2.0, 0.04
 """[m/s] Limits of a glider's speed along its pitch; usual are 0.2 to 0.6."""
 _STEEP = 8.0
-"""[degree] Least pitch at which the vertical speed gives the speed along the pitch."""
+"""[degree] Smallest pitch at which the vertical speed gives the speed along the pitch."""
 _ROLLED = 45.0
 """[degree] Largest plausible median of a glider's roll under water, without its sign."""
 
@@ -55,7 +55,7 @@ def speed_along_pitch(depth: Channel, pitch: Channel) -> float:
 
 
 _AGREE = 0.9
-"""Least fraction of moving samples with nose down in descents, or else with nose up in them."""
+"""Smallest fraction of moving samples with nose down in descents, or else with nose up in them."""
 
 
 def sinks_in_radian(time: Array, depth: Array, pitch: Array) -> bool | None:
@@ -85,7 +85,7 @@ def sinks_in_radian(time: Array, depth: Array, pitch: Array) -> bool | None:
 
 
 _LEVEL = 1e-6
-"""Least pitch of a glide, in degrees or in radian."""
+"""Smallest pitch of a glide, in degrees or in radian."""
 
 
 def check_signs(log: DeploymentLog, tally: Tally) -> None:

@@ -141,15 +141,15 @@ AIR = 10.1325
 UNITS = ("dbar", "bar", "Pa", "kPa", "hPa", "MPa", "psi")
 """Units of pressures in logs."""
 _FITS, _FAILS = 0.12, 0.25
-"""Misfit, as a fraction of the depth, up to which a unit fits, and beyond which it does not."""
+"""A unit's misfit as a fraction of the depth. _FITS: largest that fits. _FAILS: it fails beyond."""
 _DEEP = 5.0
 """[m] Depth above which the ratio of pressure to depth is not used."""
 _FEWEST, _COMPARED = 10, 10_000
-"""Fewest samples that compare pressure with depth, and about the number used of a long log."""
+"""Number of samples that compare pressure with depth. _FEWEST: minimum. _COMPARED: of a long log"""
 _MIDDLE = 45.0
 """[degree] Latitude at which pressure and depth are compared; the error at a pole is 0.3 %."""
 _OFFSET = 5.0
-"""[m] Least median difference of pressure and depth that is attributed to the air's pressure."""
+"""[m] Smallest median difference of pressure and depth that is attributed to the air's pressure."""
 
 
 def to_dbar(
@@ -281,7 +281,7 @@ def pressure_channels(
 
 
 _HIGHEST_LAKE = 0.5
-"""Least absolute pressure at a water surface, as a fraction of that at sea level."""
+"""Smallest absolute pressure at a water surface, as a fraction of that at sea level."""
 _AT_SURFACE = 0.1
 """Largest fraction by which the air's pressure differs from sea level; higher lakes are rare."""
 _FASTEST = 3.0
@@ -289,7 +289,7 @@ _FASTEST = 3.0
 _DEEPEST = 12_000.0
 """[dbar] Greatest pressure in the sea."""
 _AFLOAT, _SEEN = 0.3, 0.2
-"""[dbar] Largest gauge pressure at the surface, and the least range that shows a dive."""
+"""[dbar] _AFLOAT: largest gauge pressure at the surface. _SEEN: smallest range of a dive."""
 
 
 def without_air(
@@ -347,7 +347,7 @@ _PAUSE = 1800.0
 """[s] Longest time between two fixes of one surface interval."""
 
 _STAY = 3
-"""Fewest depths that give a surface interval's median."""
+"""Minimum number of depths that give a surface interval's median."""
 _SPREAD = 0.5
 """[m] Largest interquartile range of a surface interval, and largest step between two."""
 
@@ -358,7 +358,7 @@ _PART = 0.5
 """Fraction of surface intervals that must agree before an offset is subtracted."""
 
 _LEAST, _MOST = 0.5, 15.0
-"""[m] Smaller offsets are waves and the antenna's height; larger ones are another fault."""
+"""[m] Below _LEAST, offsets are waves and the antenna's height; above _MOST, another fault."""
 
 
 class Stay(NamedTuple):

@@ -23,7 +23,8 @@ Array = NDArray[np.float64]
 TICK = 1.0
 """[s] Resolution of clocks that repeat a whole second for the samples within it."""
 FEWEST = 4
-"""Fewest samples with one time at a standing clock; a log may write a row two or three times."""
+"""Minimum number of samples with one time that show a standing clock. A log may write a row two or
+three times."""
 LONGEST = 3600.0
 """[s] Longest extent of a suspect stretch before and after its time. Across a longer silence, a
 neighbouring time may come from a clock that was not set yet."""

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     Count = int | np.integer[Any] | Mask | NDArray[np.integer[Any]]
 
 READ, LEFT_OUT, NOT_READ, EMPTY = "read", "left out", "not read", "missing"
-"""States of a name in a file: used; known but not used; unknown; known but without a value."""
+"""A name in a file is READ (used), LEFT_OUT (unused), NOT_READ (unknown) or EMPTY (no value)."""
 
 
 class OtherKind(InputError):
@@ -204,7 +204,7 @@ _FEW = 2
 _NAMED = 12
 """Largest number of names in a line; the report's `names` holds all."""
 _ALIKE = 0.6
-"""Least similarity (difflib) of an unread name that may stand for a missing channel."""
+"""Smallest similarity (difflib) of an unread name that may stand for a missing channel."""
 _MEANT = frozenset(
     f"measured_{word}"
     for word in ("pitch", "roll", "heading", "pump", "shift", "depth", "pressure")

@@ -250,7 +250,7 @@ _ASIDE = re.compile(r"\s*[(\[,;].*")
 """Pattern of words after a unit, as in `degrees (clockwise from true north)`."""
 _DIRECTION = re.compile(r"(?:arc)?deg(?:ree)?s?[ _.]?(?:t|m|true|mag|magnetic|north|east|n|e)")
 _LONGEST = 100
-"""Most characters of a unit; a longer word is a text."""
+"""Maximum number of characters of a unit; a longer word is a text."""
 _PER = re.compile(r"\s*(?:_per_|\bper\b)\s*")
 
 
@@ -319,9 +319,9 @@ def _round(value: float) -> float:
 
 
 _LITRES = 5.0
-"""[cm3] Least range of a pump; a smaller number must be litres, or m3 if below 0.005."""
+"""[cm3] Smallest range of a pump; a smaller number must be litres, or m3 if below 0.005."""
 _STILL = 1e-5
-"""[m3] Least range from which the unit is inferred; a smaller one is an idle pump."""
+"""[m3] Smallest range from which the unit is inferred; a smaller one is an idle pump."""
 _LARGEST_PUMP = 3000.0
 """[cm3] Largest volume; values beyond it are sentinels and do not count."""
 

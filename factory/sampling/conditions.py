@@ -37,11 +37,12 @@ GRAM, MILLIMETRE = 1e-3, 1e-3
 CURRENT_MARGIN = 0.5
 """[m/s] Current added to the fastest speed through the water, for the extent of the sea floor"""
 SHALLOWEST_FLOOR_M, DEEPEST_FLOOR_M = 25.0, 130.0
-"""[m] Limits of a survey's sea floor. The first keeps the floor below every sampled depth plus
-altitude; the second exceeds the DVL's range in places."""
+"""[m] Limits of a survey's sea floor. SHALLOWEST_FLOOR_M is below every sampled depth plus
+altitude; DEEPEST_FLOOR_M exceeds the DVL's range in places."""
 PARTS = ("steady", "shear", "tide", "inertial", "ekman", "bottom", "wander")
 WANDER_MEAN, WANDER_STD, WANDER_DIRECTION_STD_DEG = 0.6, 0.2, 30.0
-"""Wandering current: mean and std of speed relative to the largest, std of direction [degree]"""
+"""Wandering current. WANDER_MEAN, WANDER_STD: mean and standard deviation of its speed over the
+largest. WANDER_DIRECTION_STD_DEG: [degree] standard deviation of its direction"""
 BOTTOM_ROUGHNESS_M = 1e-3
 """[m] Roughness length of the log layer, for sand"""
 DEEP_MARGIN_M = 100.0

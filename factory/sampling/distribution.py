@@ -30,9 +30,9 @@ Value = float | str
 Interval = tuple[float, float]
 
 MAX_REDRAWS = 1000
-"""Most attempts to sample one value outside the exclusions; after these an error is raised."""
+"""Maximum number of attempts to sample a value outside the exclusions, before an error."""
 MOST_TEXT = 10_000
-"""Most characters in a distribution's text, enough for a choice among a thousand words"""
+"""[character] Longest text of a distribution, enough for a choice among a thousand words"""
 
 
 class Distribution(abc.ABC):

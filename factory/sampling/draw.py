@@ -32,7 +32,7 @@ TRAIN, VALIDATION, TEST = 0, 1, 2
 VALIDATION_SHARE, TEST_SHARE = 0.15, 0.15
 """[1] Fractions of the missions (training 70 %, as in the paper, which splits samples instead)"""
 MIN_MISSIONS = len(SPLITS)
-"""Least number of missions in a store: one for each split"""
+"""Minimum number of missions in a store: one for each split"""
 MIN_DURATION_S = 60.0
 """[s] Shortest mission; within this time a mission is still launching."""
 HOUR = 3600.0
@@ -42,9 +42,9 @@ GIGABYTE = 1e9
 MOST_HOURS = 1e7
 """[h] Longest store; to plan more missions would take minutes before the first one flies."""
 MAX_SEGMENTS = 100
-"""Most segments in a mission; more mean a wrong distribution of their duration."""
+"""Maximum number of segments in a mission; more mean a wrong distribution of their duration."""
 PLAN_STREAM, MISSION_STREAM = 0, 1
-"""First element of every spawn key: random numbers of the plan, or of one mission"""
+"""First element of spawn keys, for random numbers of the plan, or of a mission (MISSION_STREAM)"""
 _DURATION_STREAM, _SPLIT_STREAM = 0, 1
 SENSOR_STREAM = 1
 """Key of the sensors below a mission's key; a parameter's key is its name's checksum, above 1."""

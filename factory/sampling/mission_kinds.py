@@ -189,7 +189,7 @@ class _Level(MissionKind):
         return 0.0 if math.isnan(depth) else depth
 
     def fields(self, drawn: Drawn) -> dict[str, Any]:
-        """Fields of depth or altitude, least altitude and speed."""
+        """Fields of depth or altitude, smallest altitude and speed."""
         held = "depth_m" if drawn["mission.level_by"] == DEPTH else "altitude_m"
         return {name: _value(drawn, name) for name in (held, "min_altitude_m", "speed_m_s")}
 

@@ -272,7 +272,7 @@ class Selection:
 
 
 AT_A_TIME = 2**17
-"""Most samples per read: their channels take 30 MB before they become features."""
+"""Maximum number of samples per read: their channels take 30 MB before they become features."""
 
 
 def pieces(places: Iterable[int], lengths: NDArray[np.int64]) -> Iterator[list[int]]:

@@ -64,8 +64,7 @@ class ErrorModel:
     heading_sd: float = COMPASS_SD
     """[rad] Standard deviation of a constant heading error; 0 for an ideal compass."""
     current_sd: float = 0.0
-    """[m/s] Standard deviation of each component of the unknown current; 0 for tracks through the
-    water."""
+    """[m/s] Standard deviation of an unknown current's components; 0 for tracks through water."""
     current_time: float = 3.0 * SECONDS_PER_HOUR
     """[s] Correlation time of the current: a quarter of the semidiurnal tide."""
     fix_sd: float = 4.0

@@ -44,7 +44,7 @@ from twin.navigation.dead_reckoning import (
 from twin.navigation.estimators.base import Estimate
 
 NETWORK, FLOOR, DVL = "network", "floor", "dvl"
-"""Names of methods: networks; true velocities (lower bound of error); Doppler log as a baseline"""
+"""Names of methods. FLOOR: true velocities, a lower bound of error. DVL: Doppler log, a baseline"""
 LAUNCH_S = 30.0
 """[s] Duration of the launch from rest, which numbers `..._after_30s` leave out."""
 TARGETS = ("surge", "sway")

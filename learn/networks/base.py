@@ -107,7 +107,7 @@ TRIED: dict[str, Any] = {
     "dilation": 2,
 }
 TIME, BATCH = 7, 2
-"""Numbers of samples and of sequences in the trial."""
+"""TIME: number of samples in the trial. BATCH: number of sequences."""
 ROUNDING = 1e-4
 """Limit of the rounding difference of float32 outputs near 1, computed in two orders."""
 

@@ -35,9 +35,10 @@ from twin.records.reader import MissionStore
 FAR = 3.0
 """Standard deviations from the training's mean at which the out-of-distribution score is 1"""
 MISSIONS = 60
-"""Most training missions for `Familiarity.fit`: standard deviations are then known to 10 %"""
+"""Maximum number of missions for `Familiarity.fit`; standard deviations are then known to 10 %"""
 CLASSIFIED = 24
-"""Most missions per store for `training_hulls`: the drag's standard deviation is known to 15 %"""
+"""Maximum number of missions per store for `training_hulls`; the drag's standard deviation is then
+known to 15 %"""
 LARGEST_CLEAN_RMS = 0.13
 """Largest rms of ln(drag factor) at which hulls count as built as in their file. Three vehicles
 have 0.06 to 0.08 with preset `field`, 0.24 to 0.36 with `family` or with 40 % more drag"""

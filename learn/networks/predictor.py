@@ -41,9 +41,9 @@ PLACE = "class"
 """Entry of the description: `module:Class` of a network type that is not shipped."""
 
 SIDE_BY_SIDE = 32
-"""Most missions that are predicted together: missions of 10 000 s then take about 0.5 GB."""
+"""Maximum number of missions predicted together; missions of 10 000 s take about 0.5 GB."""
 MOST_SAMPLES = 2**20
-"""Most samples that are predicted together, so that fewer long missions are."""
+"""Maximum number of samples that are predicted together, so that fewer long missions are."""
 
 
 @dataclasses.dataclass(frozen=True)

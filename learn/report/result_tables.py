@@ -24,8 +24,8 @@ PAPER = {"surge_mse": 2.12e-4, "sway_mse": 4.59e-6}
 PAPER_PROPELLED = {"surge_mse": 3.47e-2, "sway_mse": 5.88e-3}
 """[(m/s)^2] Errors of the paper's networks for Tethys (its first study), against a Doppler log."""
 STILL_PERCENT = 1e-6
-"""[% of the path] Water counts as still if the true tracks through the water and over ground differ
-by no more."""
+"""[% of the path] Water is still if the true tracks over ground and through it differ by no
+more."""
 
 
 def methods_of(evaluation: Figures) -> Iterator[tuple[str, Figures]]:
@@ -195,7 +195,7 @@ COLUMNS = {
 MOSTLY = 0.5
 """[1] Fraction of missions outside the training above which a sentence advises `learn adapt`"""
 LEAST_COMPARED = 10
-"""Least number of missions or dives for naming a better method: a median of fewer is chance."""
+"""Minimum number of missions or dives for naming a better method: a median of fewer is chance."""
 
 
 def verdicts(evaluation: Figures) -> list[str]:

@@ -25,11 +25,11 @@ TRUTH_LINE: dict[str, Any] = {"color": style.TRUTH, "lw": 4.0, "alpha": 0.35, "l
 MARKS = {"start": (0, "o"), "end": (-1, "s")}
 BESIDE_DVL = (NETWORK, DVL)
 LEAST_BOTTOM_SHARE = 0.5
-"""[1] Least fraction of samples with bottom lock for a figure of the Doppler log's track"""
+"""[1] Smallest fraction of samples with bottom lock for a figure of the Doppler log's track"""
 LEAST_DISTANCE_M = 0.01
 """[m] Lower end of logarithmic axes of distance"""
 LEAST_ERROR_M = 0.05
-"""[m] Least span of an error axis: errors of centimetres do not matter to a navigator."""
+"""[m] Smallest span of an error axis: errors of centimetres do not matter to a navigator."""
 MARGIN = 0.12
 """[1] Margin above and below the lines together, relative to their range"""
 MISSION_DASHES = ((0, ()), (0, (7, 4)), (0, (1.5, 3)))

@@ -29,8 +29,7 @@ class Optimiser(abc.ABC):
     summary: ClassVar[str]
     """Description of the optimiser in a few words, for tables."""
     settings: ClassVar[tuple[str, ...]]
-    """Names in `SETTINGS` that the optimiser uses; the command line refuses the other settings of
-    `SETTINGS`."""
+    """Names in `SETTINGS` that the optimiser uses; the command line refuses the others."""
 
     @classmethod
     def flaw(cls, name: str) -> str:

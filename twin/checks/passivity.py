@@ -59,7 +59,7 @@ ROLLS = 3.0
 STEP = 0.3
 """[1] Step as a fraction of the fastest decay time; Runge-Kutta's energy is then right to 1e-6."""
 ROUNDS, RENEWED = 320, 16
-"""Most steps in a decay, and number of steps after which the step length is chosen anew."""
+"""ROUNDS: maximum number of steps in a decay. RENEWED: steps until the step length is renewed"""
 SPENT = 0.5
 """[1] Fraction of the initial energy below which a decay ends."""
 LARGEST_GAIN = 1e-5

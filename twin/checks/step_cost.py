@@ -33,7 +33,7 @@ from twin.water.current.base import parse_current
 from twin.water.density import parse_density
 
 ROUNDS, BATCHES = 40, 3
-"""Number of measured pairs of stretches, whose order alternates; number of batches."""
+"""ROUNDS: measured pairs of stretches, in alternating order. BATCHES: number of batches."""
 STEPS = 2000
 """Steps per timed stretch: about 5 ms, shorter than another process's time slice."""
 

@@ -8,11 +8,11 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 
 WIDEST, NARROWEST_TEXT, GAP = 100, 10, "  "
-"""[character] Largest width of tables and paragraphs, and smallest width of a text column when a
-wide table is folded; the gap between columns."""
+"""[character] WIDEST: of tables and paragraphs. NARROWEST_TEXT: smallest width of a text column
+when a wide table is folded. GAP: text between columns."""
 MISSING = "-"  # shown for None or NaN
 SMALLEST_PLAIN, LARGEST_PLAIN = 1e-4, 1e7
-"""Numbers below the first or from the second magnitude on are written with an exponent."""
+"""Numbers below SMALLEST_PLAIN, or from LARGEST_PLAIN on, are written with an exponent."""
 NEGLIGIBLE = 1e-15
 """Magnitude below which a number in SI units or degrees is rounding noise, shown as 0."""
 UNPRINTED = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})

@@ -26,7 +26,7 @@ class CheckModels(JsonOption):
     """
 
     vehicle: str | None = None
-    """shipped vehicle name or MJCF file (:PRESET behind it takes a preset). Manoeuvres, published
+    """shipped vehicle name or MJCF file (:PRESET after it selects a preset). Manoeuvres, published
     motions and still water are then of this vehicle; with --logs it is the logs' vehicle.
     [default: glider for the manoeuvres, all vehicles for published motions and still water]"""
     manoeuvres: int | None = None

@@ -127,7 +127,7 @@ class Bench(EngineOption, JsonOption):
     """
 
     vehicle: str = "glider"
-    """shipped vehicle name, or the path of an MJCF file; :PRESET behind it takes a preset of it"""
+    """shipped vehicle name, or the path of an MJCF file; :PRESET after it selects a preset in it"""
     threads: int = 0
     """number of threads of the batch; 0 takes every core"""
     rounds: int | None = None

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 OUT, SIZE = Path("mission.mp4"), "1280x720"  # default file and size
 VIDEO_FPS, GIF_FPS = 30.0, 12.5
-"""[1/s] Default frame rates of videos and gifs; a gif's clock counts hundredths of a second."""
+"""[1/s] Default frame rates of videos and gifs. A gif's clock counts hundredths of a second."""
 OF_A_SHOT = [
     "camera",
     "speed_up",
@@ -89,7 +89,7 @@ class Render(JsonOption):
     title: str | None = None
     """first line of the picture; default: from the store"""
     vehicle: str | None = None
-    """for a log: vehicle to draw, by name or MJCF file (:PRESET behind it), whose flight model
+    """for a log: vehicle to draw, by name or MJCF file (:PRESET after it), whose flight model
     gives the velocities; default: the shipped vehicle of the log's type"""
     workers: int | None = None
     """number of processes that draw a video; default: one per core"""

@@ -41,16 +41,16 @@ class Simulate(EngineOption, JsonOption):
     """shipped mission name, or the path of a mission file, TOML or Slocum's .mi; default: the
     shipped mission that suits the vehicle. docs/reference/missions.md explains missions"""
     vehicle: str = "glider"
-    """shipped vehicle name, or the path of an MJCF file; :PRESET behind it takes a preset of it"""
+    """shipped vehicle name, or the path of an MJCF file; :PRESET after it selects a preset in it"""
     current: str = "none"
     """current, such as uniform:-0.05,-0.002 (north, east [m/s]) or
     grid:FILE.nc,lat=49,lon=-16,time=2000-01-05; + adds currents;
     docs/reference/currents.md lists all types and settings"""
     density: str = "usual"
-    """usual (water of the reference density, compressed like sea water provided the hull is),
-    constant, thermocline, grid (the current's file, if it has temperature and salinity), or a
-    CSV file with depth [m] and density [kg/m3] columns, or depth, temperature [degC] and salinity,
-    whose density is computed for the start's latitude and longitude"""
+    """water column: usual (reference density, compressed like sea water if the hull is
+    compressible), constant (reference density), thermocline, grid (temperature and salinity of the
+    current's file), or a CSV file. The file has columns depth [m] and density [kg/m3], or depth,
+    temperature [degC] and salinity, whose density is computed for the start's place"""
     ballast_at: float | None = None
     """depth [m] in this water at which the vehicle is neutral; default: neutral in water of the
     reference density at the surface"""
@@ -60,12 +60,12 @@ class Simulate(EngineOption, JsonOption):
     compressibility: float | None = None
     """fraction of the hull's volume lost per pascal, such as 4e-10; default: the vehicle file's"""
     floor: str = "none"
-    """sea floor: none; depth:METRES, flat; rough:METRES[,height=2,length=400,seed=0,slope=0,
-    toward=0,shallowest=5,deepest=12000,reach=METRES], a mean depth with a random relief: standard
-    deviation height [m] and correlation length [m], on a slope that gets deeper toward a direction
-    [deg] (defaults as shown; reach: the distance that the mission can cover); or a bathymetry file
-    such as GEBCO.nc (latitude, longitude, elevation in m) around --start.
-    docs/physics/equations.md explains these floors"""
+    """sea floor: none; depth:METRES for a flat one; rough:METRES[,height=2,length=400,seed=0,
+    slope=0,toward=0,shallowest=5,deepest=12000,reach=METRES] for a random relief about a mean
+    depth; or a bathymetry file such as GEBCO.nc (latitude, longitude, elevation [m]) around
+    --start. height is the relief's standard deviation [m], length its correlation length [m]. The
+    slope goes down toward a direction [deg]. reach is the relief's extent [m]; default: the
+    distance that the mission can cover. docs/physics/equations.md explains these floors"""
     fault: tuple[str, ...] = ()
     """fault of the vehicle, such as fouling:per_day=0.02,from=3h or
     wing_lost:side=port,from=20min; docs/howto/health.md lists all faults"""
@@ -90,9 +90,9 @@ class Simulate(EngineOption, JsonOption):
     seed: int = 0
     """seed of the sensors' random numbers"""
     navigate: str = "truth"
-    """state that guidance sees: truth; or an on-board estimate from --sensors (default then:
-    field) by a velocity estimator: ekf, flight_filter, steady_flight,
-    pitch_plus_alpha, dvl, network:runs/NAME, or estimate for the vehicle's usual estimator.
+    """state that guidance sees: truth, or an on-board estimate. An estimate is named by its
+    velocity estimator: ekf, flight_filter, steady_flight, pitch_plus_alpha, dvl, network:runs/NAME,
+    or estimate for the vehicle's usual one. It uses --sensors, by default the suite field.
     docs/howto/navigation.md explains navigation"""
     out: Path | None = None
     """zarr store to write the trajectory to"""
@@ -211,7 +211,7 @@ BELIEF = {
         "{nis:.2f} in {fixes_after_dives} fixes"
     ),
 }
-"""Rows of the table of a flight: label and format of the motion, and of the on-board position"""
+"""MOTION, BELIEF: formats by label, of the motion's figures and of the on-board position's"""
 
 
 def _texts(rows: Mapping[str, str], figures: Mapping[str, Any]) -> dict[str, str]:

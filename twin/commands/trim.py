@@ -68,7 +68,7 @@ class TrimVehicle(JsonOption):
     model: Literal["mujoco", "fossen"] = "mujoco"
     """equations to solve: the MuJoCo twin or the independent Fossen model"""
     vehicle: str = "glider"
-    """shipped vehicle name, or the path of an MJCF file; :PRESET behind it takes a preset of it"""
+    """shipped vehicle name, or the path of an MJCF file; :PRESET after it selects a preset in it"""
     hydrodynamics: Literal["coefficients", "ellipsoid"] = "coefficients"
     """the vehicle file's own hull law, or MuJoCo's ellipsoid law on the geometry"""
 

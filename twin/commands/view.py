@@ -43,7 +43,7 @@ class ViewMission:
     floor: str | None = None
     """live: sea floor, as in `twin simulate`; default: none"""
     vehicle: str | None = None
-    """live or for a log: vehicle by name or MJCF file (:PRESET behind it); default: the shipped
+    """live or for a log: vehicle by name or MJCF file (:PRESET after it); default: the shipped
     glider if live, the shipped vehicle of the log's type for a log"""
     camera: Literal["orbit", "side", "map", "chase"] = "orbit"
     """first view: orbit, side and map show the whole track; chase the glider at true scale"""

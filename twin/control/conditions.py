@@ -30,7 +30,7 @@ from twin.water.current.sampler import sample
 from twin.water.density import DensityProfile
 
 TABLE, BASE = "table", "preset"
-"""Randomiser that a mapping gets by default, and the mapping's key for another randomiser."""
+"""TABLE: randomiser that a mapping gets by default. BASE: key that names another randomiser."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

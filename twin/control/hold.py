@@ -26,7 +26,7 @@ from twin.physics.start import Start
 from twin.vehicle.vehicle import load_vehicle
 
 HOLD_TIME, HOLD_DEPTH = 600.0, 500.0
-"""[s] Duration of an episode; [m] limit of depth."""
+"""HOLD_TIME: [s] duration of an episode. HOLD_DEPTH: [m] limit of depth."""
 START_DEPTHS = (200.0, 300.0)
 """[m] Range of depths at the start, far from surface and depth limit for a whole episode."""
 PITCHES = (math.radians(30.0), math.radians(45.0))
@@ -36,9 +36,9 @@ PROPELLED_PITCHES = (math.radians(8.0), math.radians(18.0))
 LARGEST_TURN = math.radians(90.0)
 """[rad] Largest angle between initial and target heading."""
 PITCH_BAND, PITCH_MARGIN = math.radians(1.0), math.radians(20.0)
-"""[rad] Pitch error with full reward, and margin beyond it at which the reward is 0.1."""
+"""[rad] PITCH_BAND: error with full reward. PITCH_MARGIN: error beyond it with reward 0.1."""
 HEADING_BAND, HEADING_MARGIN = math.radians(2.0), math.radians(60.0)
-"""[rad] Heading error with full reward, and margin beyond it at which the reward is 0.1."""
+"""[rad] HEADING_BAND: error with full reward. HEADING_MARGIN: error beyond it with reward 0.1."""
 SPEED_SHARE = 0.5
 """[1] Fraction of the cruise speed from which on the reward is full; a drifting hull gets none."""
 
@@ -130,13 +130,13 @@ class Hold(GliderTask):
 
 
 DEPTH_TIME, DEPTH_LIMIT = 900.0, 200.0
-"""[s] Duration of an episode; [m] limit of depth."""
+"""DEPTH_TIME: [s] duration of an episode. DEPTH_LIMIT: [m] limit of depth."""
 DEPTHS = (20.0, 150.0)
 """[m] Range of depths of start and target."""
 BAND, MARGIN = 1.0, 50.0
-"""[m] Depth error with full reward, and margin beyond it at which the reward is 0.1."""
+"""[m] BAND: depth error with full reward. MARGIN: error beyond it with reward 0.1."""
 STILL, STILL_MARGIN = 0.02, 0.2
-"""[m/s] Vertical speed with full reward, and margin beyond it at which its share is 0.1."""
+"""[m/s] STILL: vertical speed with full reward. STILL_MARGIN: excess at which its share is 0.1."""
 APPROACH = 15.0
 """[m] Distance from the target at which the reference starts to slow down."""
 LEAD = 60.0

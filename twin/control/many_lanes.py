@@ -50,7 +50,8 @@ class ManyLanes:
           timestep: [s]. threads: as in `twin.control.many.ManyPhysics`.
 
         Raises:
-          InputError: `count` is below 1, or obstacles. VehicleError: it cannot fly in lanes.
+          InputError: `count` is below 1, or the vehicle's file has obstacles.
+          VehicleError: the batched engine cannot fly the vehicle.
         """
         if count < 1:
             raise InputError(f"{count} vehicles: give at least 1")

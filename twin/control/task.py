@@ -49,7 +49,7 @@ VEHICLE_SCALES = {
 LARGEST_RATE = 8.0 * math.pi
 """[rad/s] Limit of observed rates: four turns a second; propelled hulls can roll at 0.8 of one."""
 FASTEST = 10.0
-"""[m/s] Least limit of observed speeds."""
+"""[m/s] Smallest limit of observed speeds."""
 FASTEST_CRUISES = 10.0
 """[1] Limit of observed speeds as a multiple of the cruise speed, if that is more."""
 LARGEST_FRACTION = 2.0

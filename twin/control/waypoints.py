@@ -31,7 +31,7 @@ from twin.water.current.profile import Profile
 Pair = tuple[float, float]
 
 TIME_LIMIT, MAX_DEPTH = 3600.0, 200.0
-"""[s] Duration of an episode; [m] limit of depth."""
+"""TIME_LIMIT: [s] duration of an episode. MAX_DEPTH: [m] limit of depth."""
 START_DEPTH = 50.0
 """[m] Depth of the start."""
 LEGS = (150.0, 400.0)
@@ -189,7 +189,7 @@ START_DEPTHS = (30.0, 60.0)
 LARGEST_TURN = math.radians(30.0)
 """[rad] Largest angle between initial heading and course."""
 GOOD_COST, COST_MARGIN = 0.004, 0.02
-"""[1] Cost of transport with reward 1, and margin beyond it at which the reward is 0.1."""
+"""[1] Cost of transport. GOOD_COST: with reward 1. COST_MARGIN: excess with reward 0.1."""
 SETTLING = 30.0
 """[m] Distance at GOOD_COST credited at the start, so that the first metres do not decide."""
 DEEP_TURNS = (15.0, 185.0)

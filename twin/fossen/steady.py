@@ -29,8 +29,8 @@ SMALLEST_STEP = math.radians(0.05)
 SCAN_POINTS = 721
 """Number of angles of attack, from -180 to 180 deg, searched for straight glides."""
 SPEED_ROUNDS, SPEED_SETTLED = 30, 1e-4
-"""Rounds of the iteration for the speed of a straight glide, and the relative change at which it
-ends; the result is a guess for the root finder."""
+"""SPEED_ROUNDS: steps of the iteration for the speed of a straight glide. SPEED_SETTLED: relative
+change at which it ends; the result is a guess for the root finder."""
 SETTLE_TIME = 3000.0
 """[s] Duration of a settling flight: fifty times the Sea-Wing's slowest decay at usual net mass."""
 EDGE_POINTS = 41

@@ -220,7 +220,7 @@ def _unweighted(problem: Comparison, x: Array) -> tuple[Array, float | None]:
 DRIVEN = "driven"
 """Name of the model of propelled vehicles: `twin.identify.driven_flights`"""
 CLOSE = 0.95
-"""[1] Least correlation, as printed, of two estimates that are reported as not separated"""
+"""[1] Smallest correlation, as printed, of two estimates that are reported as not separated"""
 
 
 def confused(found: Identification) -> list[str]:

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 HULL_NUMERIC, SENSOR_NUMERIC, PROVENANCE, PUMP_NUMERIC = IDENTIFIED
-"""Names of the file's elements for numbers that `Vehicle` lacks. The last is read from files of
+"""Names of the file's elements for numbers that `Vehicle` lacks. PUMP_NUMERIC is read from files of
 earlier versions and never written."""
 ALUMINIUM_EXPANSION = 7.1e-5
 """[1/K] Expansion of a hull's volume: three times the 23.6e-6 of aluminium alloys; the Seaglider

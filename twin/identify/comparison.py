@@ -34,7 +34,7 @@ PRIOR = -1
 """Block number of the residuals of the priors"""
 DRAWS = 400
 LEAST_BLOCKS = 8
-"""Fewest blocks of a bootstrap: fewer dives are cut into parts, because three dives say little."""
+"""Minimum number of bootstrap blocks; fewer dives are cut into parts, as three dives say little."""
 SEED = 20221123
 """Seed of the bootstrap: standard deviations are the same in every run."""
 OUTLIER = 3.0
@@ -42,12 +42,12 @@ OUTLIER = 3.0
 LARGEST = 1e6
 """Largest residual in standard deviations: larger ones, and NaN, are cut off here."""
 LEAST_DIVES = 4
-"""Fewest dives for a cross-validation"""
+"""Minimum number of dives for a cross-validation"""
 LEAST_GAIN = 0.04
-"""[1] Least decrease of the mean square error of left-out dives by a supported parameter. The pitch
+"""[1] Smallest decrease of left-out dives' mean square error by a supported parameter. The pitch
 offsets of ten public logs take 0 to 3.2 %, that of an eleventh 18 % (docs/howto/identify.md)."""
 LEAST_DEVIATIONS = 2.0
-"""Least gain of a supported parameter, in standard deviations of the gain"""
+"""Smallest gain of a supported parameter, in standard deviations of the gain"""
 
 
 class ComparedQuantity(NamedTuple):

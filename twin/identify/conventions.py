@@ -38,14 +38,14 @@ DEGREE = math.pi / 180.0
 DBAR = 1e4
 """[Pa] Pressure of 1 dbar"""
 HD_S, TEMP_REF = -0.25, 15.0
-"""Defaults of the basestation: power of the dynamic pressure in the drag; reference temperature
-[degree_Celsius]"""
+"""Defaults of the basestation. HD_S: power of the dynamic pressure in the drag. TEMP_REF:
+[degree_Celsius] reference temperature"""
 SPEED = 0.3
 """[m/s] Default speed at which both drags agree"""
 AREA = 0.1
 """[m2] Reference area S of gliderflight"""
 ASPECT, SWEEP = 7.0, 43.0 * DEGREE
-"""Aspect ratio and sweep [rad] of a Slocum's wings in gliderflight"""
+"""ASPECT: aspect ratio of a Slocum's wings in gliderflight. SWEEP: [rad] their sweep"""
 WING = 2.0 * math.pi * ASPECT / (2.0 + math.sqrt(ASPECT**2 * (1.0 + math.tan(SWEEP) ** 2) + 4.0))
 """[1/rad] aw: lift slope of these wings (Merckelbach et al. 2010)"""
 

@@ -70,7 +70,8 @@ ADDED_MASSES = (
 """Index in the matrix, name, meaning, and spread of the factor's logarithm: strip theory and an
 ellipsoid of the hull's size differ by a tenth across the hull, by more along it"""
 THRUST_SPREAD, LIFT_SPREAD = 0.2, 0.3
-"""[1] Spreads of the logarithms of the factors on thrust and on a fin's lift slope"""
+"""[1] Standard deviation of a logarithm. THRUST_SPREAD: factor on thrust. LIFT_SPREAD: factor on a
+fin's lift slope"""
 NEUTRAL_SPREAD = 2.0
 """[deg] Spread of the neutral position of fins"""
 PLACE_SPREAD = 3.0
@@ -221,7 +222,7 @@ RIGHTING_ARM = UnknownParameter(
 
 
 LEAST_PIECES = 6
-"""Fewest windows of 20 s for a fit: two minutes"""
+"""Minimum number of windows of 20 s for a fit: two minutes"""
 LARGEST_UNCERTAINTY = 0.95
 """[1] Largest standard deviation, as a fraction of the spread, of a parameter that the runs
 determine; beyond, the parameter stays the vehicle file's"""

@@ -36,8 +36,7 @@ from twin.mission.glide_balance import mass_matrix, surplus_at
 from twin.vehicle.vehicle import Vehicle
 
 PIECE = 20.0
-"""[s] Duration of a window of a run: three times the settling time of surge, so that windows are
-independent"""
+"""[s] Duration of a run's independent windows: three times the settling time of surge"""
 SETTLE = 15.0
 """[s] Time after the start of a run or a gap that is not compared"""
 START = 1.0
@@ -54,8 +53,8 @@ gyroscope's bias, which is another each time that it is switched on"""
 SENSORS = ("pitch_offset", "dvl_scale", *(f"dvl_turn_{axis}" for axis in "xyz"))
 """Sensor errors that are unknown in each run"""
 DOPPLER_SCALE, DOPPLER_TURN = 0.005, math.radians(0.5)
-"""Spreads of a Doppler log's scale [1] and of its angle about each axis of its mount [rad] in each
-run, those of the shipped instrument (`twin.sensors.dvl`)"""
+"""Spreads in each run, the shipped instrument's (`twin.sensors.dvl`). DOPPLER_SCALE: [1] of a
+Doppler log's scale. DOPPLER_TURN: [rad] of its angle about each axis of its mount"""
 LONGEST_CORRELATION = 60.0
 """[s] Longest lag over which autocorrelation is summed"""
 CHANNELS = {

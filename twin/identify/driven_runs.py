@@ -37,7 +37,8 @@ TRUTH = ("true_surge", "true_sway", "true_heave")
 STEERED = ("speed", "heading", "pitch")
 """Controls; without positions of the parts that serve them, the inputs of a run are unknown."""
 DEPTH_WINDOW, LEAST_WINDOW = 3.0, 5
-"""[s], samples: window of the depth rate's filter, shorter than a change of pitch takes"""
+"""Window of the depth rate's filter, shorter than a change of pitch: DEPTH_WINDOW [s], and at least
+LEAST_WINDOW samples"""
 LAYER = 2.0
 """[m] Thickness of the layers of a run's density profile"""
 

@@ -30,7 +30,7 @@ from twin.identify.unknowns import ALWAYS, FLIGHT, NAMES, PARAMETERS, UnknownPar
 from twin.vehicle.parts.pump import CUBIC_CM
 
 LEAST_SAMPLES = 100
-"""Fewest samples under water for a fit: a single short dive has more."""
+"""Minimum number of samples under water for a fit: a single short dive has more."""
 UNDETERMINED = 0.7
 """[1] Standard deviation over spread below which a parameter counts as determined: the log then
 says as much as what was known before."""
@@ -54,14 +54,14 @@ and seven public logs, off inflections (docs/results/real_logs.md)"""
 OTHERS_RMSE = 1.0
 """[cm/s] Usual RMS residual of the depth rate for every other kind"""
 BAD, WORST = 5.0, 4
-"""Multiple of the usual residual above which a fit is refused; number of dives that the message
-names"""
+"""BAD: multiple of the usual residual above which a fit is refused. WORST: number of dives named"""
 STALLED, STALL, FALLING = 0.75, 600.0, 0.02
-"""[1], [s], [m/s] Depth rate over the model's of a stalled phase; its duration and depth rate"""
+"""A stalled phase. STALLED: [1] its depth rate over the model's. STALL: [s] its duration. FALLING:
+[m/s] its depth rate"""
 MOVING = 0.05
 """[m/s] Smallest depth rate of a glider that sinks or rises"""
 START_FACTORS, START_LOGS = (0.5, 1.0, 2.0, 4.0, 8.0), 3
-"""Values of drag over nominal at which the search starts; number of dives that choose among them"""
+"""START_FACTORS: start values of drag over nominal. START_LOGS: number of dives that choose one"""
 
 
 def identify(

@@ -34,8 +34,8 @@ CLEARLY_MOVED = 3.0
 """[standard deviations] Difference from the vehicle file's value; a larger one counts as determined
 by the log, even if its standard deviation is large"""
 TRAVEL_MARGIN, GUIDANCE_MARGIN = 0.1, 0.03
-"""[1] Fraction of a part's travel that is added beyond the log's positions; fraction of the
-battery's travel that is left at both ends for guidance in the usual glide"""
+"""[1] TRAVEL_MARGIN: fraction of a part's travel that is added beyond the log's positions.
+GUIDANCE_MARGIN: fraction of the battery's travel left at both ends for guidance in a usual glide"""
 LARGEST_ASYMMETRY = math.radians(3.0)
 """[rad] Largest difference of the neutral positions of dives and climbs without a note"""
 PITCH_STEP = math.radians(0.5)

@@ -48,7 +48,7 @@ PACES = tuple(0.2 * 0.8**k for k in range(24))
 MARGIN = (0.5, 1.0, 2.0)
 """[1] Factors on a loop's gain at which the loop must be stable"""
 DAMPED = 0.3
-"""[1] Least damping ratio of a loop's modes at its own gain"""
+"""[1] Smallest damping ratio of a loop's modes at its own gain"""
 INTEGRAL = 0.15
 """[1] Bandwidth of the integral, as a fraction of the loop's"""
 FULL_ERROR = math.radians(40.0)

@@ -26,30 +26,31 @@ SETTLING = 60.0
 SLOWEST_TURN = 0.1
 """[deg/s] Slowest rate of a turn to a new heading target: a Seaglider's at 0.25 m/s"""
 NEW_TARGET = 5.0
-"""[deg] Least change of the heading target that starts a turn"""
+"""[deg] Smallest change of the heading target that starts a turn"""
 TURN_WINDOW = 40.0
 """[s] Window of the filter that gives the turn rate from noisy compass headings"""
 TURN_LAGS = (0.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0)
 """[s] Lags of the turn rate behind the position that are tried. Without a lag, the feedback of the
 heading loop would hide the effect of the turning part"""
 LEAST_MOVED = 0.2
-"""[deg] Least standard deviation of a turning part's position for an estimate of its effect"""
+"""[deg] Smallest standard deviation of a turning part's position for an estimate of its effect"""
 LEAST_CORRELATION = 0.3
-"""[1] Least correlation of turn rate and position; below, other causes turned the vehicle"""
+"""[1] Smallest correlation of turn rate and position; below, other causes turned the vehicle"""
 LEAST_SAMPLES = 20
-"""Fewest samples of a mean"""
+"""Minimum number of samples of a mean"""
 LEAST_LEGS = 0.25
-"""[1] Least fraction of the legs that must show an oscillation for it to be a limit cycle"""
+"""[1] Smallest fraction of the legs that must show an oscillation for it to be a limit cycle"""
 LEAST_AMPLITUDE = {"heading": 1.0, "pitch": 0.5, "roll": 1.0}
-"""[deg] Least amplitude of an oscillation, by signal"""
+"""[deg] Smallest amplitude of an oscillation, by signal"""
 CYCLES, SHORTEST = 3.0, 4
-"""Fewest periods in a leg, because fewer may not go on; fewest samples of a period"""
+"""CYCLES: minimum number of periods in a leg, because fewer may not go on. SHORTEST: minimum number
+of samples in a period"""
 WIDTH = 0.15
 """[1] Relative change of an oscillation's frequency within a leg, with speed and trim"""
 SHARE = 0.5
-"""[1] Least fraction of a signal's variance in an oscillation: noise has all periods"""
+"""[1] Smallest fraction of a signal's variance in an oscillation: noise has all periods"""
 LEAST_GROWTH = 0.7
-"""Least ratio of the amplitudes in the second and first half; with less the oscillation decays"""
+"""Smallest ratio of amplitudes, second half to first; an oscillation with less decays"""
 
 
 class FigureSamples(NamedTuple):

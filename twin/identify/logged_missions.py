@@ -28,7 +28,7 @@ OPTIONAL = (
     *("measured_shift", "measured_rotation", "measured_fin"),
 )
 WINDOW, LEAST_WINDOW = 20.0, 5
-"""[s], samples: window of the depth rate's filter, a quarter of an inflection"""
+"""Depth rate's filter: WINDOW [s], a quarter of an inflection, and at least LEAST_WINDOW samples"""
 ATTITUDE_WINDOW = 8.0
 """[s] Window of the filter whose slope gives the rates of a log without gyroscopes"""
 AFLOAT = 0.5
@@ -38,7 +38,7 @@ SETTLING = 20.0
 SHALLOWEST = 3.0
 """[m] Depth above which a hull of two metres is in the waves or partly out of the water"""
 DIVE_DEPTH = 8.0
-"""[m] Least depth of a dive: rows that stay above it are left out."""
+"""[m] Smallest depth of a dive: rows that stay above it are left out."""
 MAX_PITCH = 80.0
 """[degree] Largest pitch of a glide"""
 

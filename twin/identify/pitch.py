@@ -41,7 +41,7 @@ PASSES = 4
 FIRST_DEVIATION = np.deg2rad(3.0)
 """[rad] Standard deviation of the pitch in the first fit"""
 LEAST_OBSERVATIONS = 4
-"""Fewest observations of dives, and of climbs, for a fit of the pitch"""
+"""Minimum number of observations of dives, and of climbs, for a fit of the pitch"""
 
 
 def righting_arm(calibration: Calibration) -> float:

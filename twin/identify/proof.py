@@ -28,11 +28,13 @@ from twin.vehicle.vehicle import Vehicle
 from twin.water.density import DensityProfile
 
 STEERED, LEAST_TURN = 0.25, math.radians(0.02)
-"""Fraction of its travel by which the turning part is moved; [rad/s] least turn rate by this"""
+"""STEERED: fraction of the way from straight to its upper end by which the turning part moves.
+LEAST_TURN: [rad/s] smallest turn rate that this must give"""
 COURSE = 30.0
 """[deg] Change of heading at the start of the flight"""
 MOST_SD, MOST_ERROR = 2.0, 3.0
-"""[deg] Largest standard deviation, and largest mean error, of settled heading and pitch"""
+"""[deg] Limits of settled heading and pitch. MOST_SD: largest standard deviation. MOST_ERROR:
+largest mean error"""
 PART = 0.5
 """[1] Fraction at the end of a dive and of a climb that is judged"""
 LONGEST, SHORTEST = 1500.0, 600.0
@@ -40,15 +42,15 @@ LONGEST, SHORTEST = 1500.0, 600.0
 START_DEPTH = 10.0
 """[m] Depth at which the flight starts"""
 SLOWEST_RATE = 0.02
-"""[m/s] Least depth rate of a flying vehicle"""
+"""[m/s] Smallest depth rate of a flying vehicle"""
 SAMPLE, DRIVEN_SAMPLE = 2.0, 0.5
-"""[s] Time between samples of a glider's flight and of a propelled vehicle's"""
+"""[s] Time between samples. SAMPLE: of a glider's flight. DRIVEN_SAMPLE: a propelled vehicle's"""
 DEPTHS, COURSES = (15.0, 25.0), (0.0, 90.0)
-"""[m], [deg] Depths and headings of the two legs of a propelled vehicle"""
+"""Two legs of a propelled vehicle. DEPTHS: [m]. COURSES: [deg] headings"""
 LENGTH, JUDGED = 60.0, 0.25
-"""Length of each leg in hull lengths; fraction at the leg's end that is judged"""
+"""LENGTH: of each leg, in hull lengths. JUDGED: fraction at the leg's end that is judged"""
 MOST_DEPTH, MOST_HEADING, MOST_SPEED = 1.0, 3.0, 0.05
-"""[m], [deg], [1] Largest mean error of depth and of heading, and relative error of speed"""
+"""Largest mean errors. MOST_DEPTH: [m]. MOST_HEADING: [deg]. MOST_SPEED: [1] relative"""
 
 
 def failures(calibration: Calibration, phases: Sequence[Phase]) -> tuple[str, ...]:
@@ -92,7 +94,7 @@ def _phase(vehicle: Vehicle, phase: Phase) -> list[str]:
 
 
 def _spiral(vehicle: Vehicle, phase: Phase, positions: Array, gain: float) -> list[str]:
-    """Sentence if the turning part does not turn the vehicle by its linear gain [rad/s / unit]."""
+    """Sentence on a turn against the sign of `gain` [rad/s / unit] or below LEAST_TURN."""
     part = vehicle.steered("heading")
     assert part is not None
     named = dict(zip(vehicle.part_names, positions.tolist(), strict=True))

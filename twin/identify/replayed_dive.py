@@ -24,9 +24,9 @@ PHASES: tuple[Phase, ...] = ("dive", "climb")
 REVERSAL = 5.0
 """[m] Reversal of the depth that ends a leg; `factory import` has the same limit."""
 LEAST_RANGE = 15.0
-"""[m] Least range of depth of a compared leg: a shorter one is mostly inflection"""
+"""[m] Smallest range of depth of a compared leg: a shorter one is mostly inflection"""
 MARGIN, LEAST_MARGIN = 0.1, 3.0
-"""Fraction of a leg's range, and [m] at least, that is inflection at either end"""
+"""Inflection at either end of a leg. MARGIN: fraction of its range. LEAST_MARGIN: [m] at least"""
 
 SMOOTHING = 20.0
 """[s] Window of the depth's filter: shorter than an inflection, longer than pressure noise"""
@@ -34,7 +34,8 @@ COURSE = 900.0
 """[s] Window of the running mean that is the heading target of a log without a setpoint: longer
 than the periods of heading loops, shorter than most legs"""
 TOLERANCE, LEAST_PIECE = 3.0, 5.0
-"""[deg] Largest range of the heading target in one section of a leg; [m] least depth range of it"""
+"""Section of a leg. TOLERANCE: [deg] largest range of the heading target in it. LEAST_PIECE: [m]
+its smallest depth range"""
 PUMP_REST = 20.0
 """[cm3] Distance from a leg's median within which the pump is at rest"""
 PUMP_STILL = 6
@@ -48,7 +49,7 @@ class HeadingLeg(NamedTuple):
     last: int
     phase: Phase
     top: float
-    """[m] Least depth"""
+    """[m] Smallest depth"""
     bottom: float
     """[m] Largest depth"""
 
@@ -342,8 +343,7 @@ def pump_levels(leg: HeadingLeg, pump: Array, usual: float) -> Array:
 def _pieces(
     leg: HeadingLeg, depth: Array, wanted: Array | None, levels: Array, turn: float
 ) -> tuple[DivePiece, ...]:
-    """Sections of a leg with constant heading target and pump, before the leg ends at the depth
-    `turn`."""
+    """Sections of a leg, up to the depth `turn`, with constant heading target and pump."""
     pieces: list[DivePiece] = []
     begin = leg.first
 

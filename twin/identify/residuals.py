@@ -32,7 +32,7 @@ from twin.identify.turning_windows import channel_of, groups_of, windows_of
 from twin.identify.unknowns import UnknownParameter
 
 LEAST_PAIRS = 6
-"""Fewest pairs of consecutive dives with fixes for which fixes are used"""
+"""Minimum number of pairs of consecutive dives with fixes for which fixes are used"""
 LEAST_CURRENT_CHANGE = 0.01
 """[m/s] Lower bound of the standard deviation of the current's change between dives"""
 LONGEST_CORRELATION = 600.0

@@ -38,7 +38,7 @@ SETTLE_S = 30.0
 """[s] Time at the start of a window that is not compared: its initial state is an estimate."""
 MOST_WINDOWS = 12
 LEAST_DEPTH = 10.0
-"""[m] Least depth at the start of a window"""
+"""[m] Smallest depth at the start of a window"""
 REFINED = ("neutral_density", "drag", "lift_ratio", "compressibility")
 """Parameters of `twin.identify.unknowns` that the twin's fit includes"""
 ITERATIONS = 6
@@ -48,7 +48,7 @@ PARTS = (1.0, 0.5, 0.2, 0.05, 0.0)
 STEP = 0.02
 """Step of the finite differences in spreads, well above errors of the time step"""
 PROMPT_LAG, PROMPT_RATE = 0.2, 1e4
-"""[s], [units/s] Lag and largest rate of actuators that follow the logged positions"""
+"""Actuators that follow logged positions. PROMPT_LAG: [s] lag. PROMPT_RATE: [units/s] limit"""
 REACH = 10.0
 """[travels] Largest distance of logged positions beyond an actuator's ends"""
 PITCH_BIAS = np.deg2rad(0.3)

@@ -24,7 +24,7 @@ MODELS: tuple[FlightModel, ...] = ("flight", "steady")
 LEAST_IMMERSION = 0.3
 """[1] Wetted fraction of the hull at the surface: half, minus the fraction that waves uncover"""
 START_PITCH = np.deg2rad(5.0)
-"""[rad] Least pitch at which depth rate and pitch give the speed at the first sample"""
+"""[rad] Smallest pitch at which depth rate and pitch give the speed at the first sample"""
 FASTEST_START = 1.0
 """[m/s] Largest speed at the first sample"""
 STEADY_WINDOW = 10.0
@@ -32,9 +32,9 @@ STEADY_WINDOW = 10.0
 STEADY_MARGIN = 45.0
 """[s] Time before and after a change of pump or pitch that does not count as steady flight"""
 STEADY_PUMP, STEADY_PITCH = 40.0, np.deg2rad(8.0)
-"""[cm3], [rad] Change within the margin that ends a steady flight"""
+"""Change within the margin that ends steady flight. STEADY_PUMP: [cm3]. STEADY_PITCH: [rad]"""
 STEADY_LEAST_PITCH = np.deg2rad(10.0)
-"""[rad] Least pitch of a steady glide: no buoyancy glider glides flatter."""
+"""[rad] Smallest pitch of a steady glide: no buoyancy glider glides flatter."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -166,8 +166,8 @@ INPUTS = 7
 BEFORE, AFTER, MASS, INVERSE, LAW = 0, NINE, 2 * NINE, 3 * NINE, 4 * NINE
 STATE = LAW + 3 * NINE
 PERIOD, STEP, STEPS, SETTLING = range(STATE + 3, STATE + 7)
-"""Rows of the time between samples [s], the step [s], the number of steps, and the decay rate of
-heave or sway divided by speed [1/m]"""
+"""Rows. PERIOD: time between samples [s]. STEP: [s]. STEPS: number of steps. SETTLING: [1/m] decay
+rate of heave or sway divided by speed"""
 ROWS = SETTLING + 1
 
 

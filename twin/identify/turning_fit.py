@@ -37,23 +37,23 @@ from twin.identify.turning_windows import (
 from twin.identify.unknowns import UnknownParameter, of_law
 
 LEAST_WINDOWS = 3
-"""Fewest windows of a phase for a fit of its turns"""
+"""Minimum number of windows of a phase for a fit of its turns"""
 FARTHEST = 4.0
 """[spreads] Largest difference of a positive coefficient from the vehicle file's. If turns
 determine only a ratio of two, damping would else grow until no time step is short enough."""
 LEAST_SIGNIFICANCE = 2.0
-"""[standard deviations] Least significance of the hull's own yaw moment; below, the hull gets no
-moment"""
+"""[standard deviations] Smallest significance for which the hull gets a yaw moment of its own"""
 ROUNDS = 2
 """Number of fits if a battery turns the vehicle; each starts at the last neutral position"""
 NEUTRAL_RANGE = 0.8
 """Middle fraction of a part's travel for its neutral position, so that it steers both ways"""
 PASSES, MOST_LOOKS = 3, 15
-"""Number of fits, each with weights from the fit before; largest number of evaluations in a fit"""
+"""PASSES: number of fits, each with weights from the fit before. MOST_LOOKS: maximum number of
+evaluations in a fit"""
 LEAST_TURN, LEAST_ROLL = math.radians(0.01), math.radians(0.3)
-"""[rad/s], [rad] Lower bounds of the standard deviations of yaw rate and roll, for rounding"""
+"""Lower bounds of standard deviations, for rounding. LEAST_TURN: [rad/s]. LEAST_ROLL: [rad]"""
 START_YAW, START_DAMPING = (-2.0, -1.0, 0.0, 1.0), (0.0, 1.0)
-"""Offsets in spreads of yaw moment and damping at which the search starts"""
+"""Starts of the search, in spreads. START_YAW: of the yaw moment. START_DAMPING: of the damping"""
 LONGEST_CORRELATION = 300.0
 """[s] Longest lag over which autocorrelation is summed"""
 

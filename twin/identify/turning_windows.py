@@ -26,14 +26,15 @@ LONGEST, SHORTEST = 900.0, 100.0
 SETTLE = 30.0
 """[s] Time at the start of a window that is not compared: its initial sideslip is a guess."""
 LEAST_DEPTH = 5.0
-"""[m] Least depth of a window"""
+"""[m] Smallest depth of a window"""
 SPACINGS, LEAST_AVERAGE, MOST_AVERAGE = 2.5, 10.0, 90.0
-"""Duration of the compared means of yaw rate and roll, in original samples, and its limits [s]: the
-end of a part's move is known to about one original sample."""
+"""SPACINGS: duration of the compared means of yaw rate and roll, in original samples; the end of a
+part's move is known to about one. LEAST_AVERAGE, MOST_AVERAGE: [s] limits of the duration."""
 LEAST_BEND = 1e-6
 """[rad] Second difference of the heading above which a sample is original, not interpolated"""
 SPEED_BINS, ENOUGH_IN_BIN = 3, 6
-"""Most speed groups of a phase, each with its own glide; fewest windows of a group"""
+"""SPEED_BINS: maximum number of speed groups of a phase. ENOUGH_IN_BIN: minimum number of windows
+of a group, which has its own glide"""
 MOST_ROLL = math.radians(60.0)
 """[rad] Largest roll of a window: beyond it no glide is linear."""
 

@@ -46,7 +46,7 @@ log with too few dives. 23 dives off Newfoundland: 0.02 to 0.03 (docs/results/re
 USUAL_DURATION = 7200.0
 """[s] Duration of the dives that `USUAL_CHANGE` was measured from"""
 LEAST_PAIRS = 3
-"""Fewest pairs of successive dives from which a log's own statistics are computed"""
+"""Minimum number of pairs of successive dives from which a log's own statistics are computed"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -34,17 +34,20 @@ from twin.records.logged import CELLS
 from twin.records.reader import MissionStore
 
 SHEAR, SHEAR_HEIGHT, ANY_CURRENT, RANGE_BIAS = 0.01, 10.0, 2.0, 5e-4
-"""[1/s], [m], [m/s], [1/s] Prior standard deviations of the shear, over that height, of the mean
-current, and of the cells' bias along the heading for each metre of range."""
+"""Prior standard deviations. SHEAR: [1/s] over SHEAR_HEIGHT [m]. ANY_CURRENT: [m/s] mean current.
+RANGE_BIAS: [1/s] cells' bias along the heading for each metre of range."""
 CORRELATION_TIME, UNKNOWN_SPEED = 300.0, 0.5
-"""[s] Time within which the flight model's error is one; [m/s] its deviation without attitude."""
+"""CORRELATION_TIME: [s] time within which the flight model's error is one. UNKNOWN_SPEED: [m/s]
+standard deviation without attitude."""
 CELL_DEVIATION, MOST_NODES, BLOCK = 0.05, 100, 60.0
-"""[m/s] Deviation of cells before the fit; most nodes; [s] time within which cells err alike."""
+"""CELL_DEVIATION: [m/s] standard deviation of cells before the fit. MOST_NODES: maximum number of
+nodes. BLOCK: [s] time within which cells err alike."""
 OVER_BOTTOM = ("bottom_surge", "bottom_sway", "bottom_heave", "roll", "pitch")
 MODEL, BOTTOM = -1, -2
 """Sources of rows beside the cells, which are numbered from 0."""
 ROUNDS, OUTLIER, ROBUST = 4, 3.0, 1.4826
-"""Rounds of the fit; deviations from which residuals weigh less (Huber); deviation over median."""
+"""ROUNDS: number of fits. OUTLIER: standard deviations from which residuals weigh less (Huber).
+ROBUST: standard deviation over median absolute deviation."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

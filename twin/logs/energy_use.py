@@ -3,13 +3,14 @@
 use = energy_used("real.zarr")
 use.terms, use.consumption, use.power
 
-The charge counter times the voltage is linear in known times and moves:
+The counted charge times the voltage is a sum of known times and works, each with a factor:
 
     energy = hotel t + surface t_afloat + payload t_sampling + pump (p + vacuum) V_out
              + pump loss V_out + pump return V_in + drives W + propeller W + thruster E
 
-p is the pressure outside, V the volumes that the pump moves out and in. W is the lossless work of
-moving masses and propellers, E the energy that a glider's thruster takes by its logged current.
+Each term begins with its factor. p is the pressure outside, V_out and V_in the volumes pumped out
+and in. W is the lossless work of moving masses or the propeller. E is the energy of a glider's
+thruster, from its logged current.
 Factors are fitted by bounded least squares over intervals of five minutes. Their standard
 deviations come from whole dives, since errors of neighbouring intervals are correlated. A factor
 that the log does not determine keeps the vehicle's value.
@@ -54,14 +55,14 @@ LARGEST_UNCERTAINTY = 0.5
 MOST_KWH = 1e4
 """[kW h] Largest energy left that is accepted"""
 LEAST_EQUATIONS = 3
-"""Fewest equations for each factor"""
+"""Minimum number of equations (intervals) for each fitted factor"""
 WALK_VARIANCES = (0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
 """[1] Variances of the level's step divided by the noise variance; all are equally probable"""
 SLOPE = 0.05
 """[1] Prior standard deviation of the power's relative change over a deployment: fouling, pump,
 batteries"""
 LEAST_DIVES = 3
-"""Fewest dives from which the noise of a dive can be estimated"""
+"""Minimum number of dives from which the noise of a dive can be estimated"""
 DRAWS = 4000
 LEAST_PART = 0.1
 """[1] Lower bound of a sampled power, as a fraction of the level: the electronics always run"""
@@ -337,7 +338,7 @@ class Endurance:
         return max(self.energy_left_kwh, 0.0) * 1e3 / self.power / DAY_HOURS
 
     def days_drawn(self, added: float = 0.0) -> Array:
-        """[d] Days left by each sample with `added` [W] more power, (draw,)."""
+        """[d] Days left for each sample of the power plus `added` [W], (draw,)."""
         power = np.maximum(self.powers + added, LEAST_PART * self.power)
         return np.asarray(max(self.energy_left_kwh, 0.0) * 1e3 / power / DAY_HOURS)
 
@@ -409,7 +410,7 @@ def _forecast(power: Array, walk: float, slope: float, left: float) -> tuple[flo
         squares.append(innovation**2 / variance)
         variances.append(variance)
     noise = max(float(np.mean(squares)), least)
-    middle = np.array([1.0, 0.5 * left])  # the mean of `left` dives is reached after half
+    middle = np.array([1.0, 0.5 * left])  # the mean of a line is its value halfway
     ahead = middle @ cover @ middle + walk * left / 3.0 + 1.0 / max(left, 1.0)
     likelihood = -0.5 * float(np.log(variances).sum() + len(squares) * np.log(noise))
     return float(middle @ state), float(np.sqrt(noise * ahead)), likelihood

@@ -24,9 +24,9 @@ from twin.records.reader import MissionStore
 from twin.registry import Registry
 
 LEAST_COSINE = 0.2
-"""[1] Least cos(pitch) cos(roll) with which the depth rate determines heave"""
+"""[1] Smallest cos(pitch) cos(roll) with which the depth rate determines heave"""
 LEAST_KNOWN = 0.9
-"""[1] Least fraction of the time under water with a known attitude that gives a current"""
+"""[1] Smallest fraction of the time under water with an attitude for which a current is given"""
 UNDER_WATER = 3.0
 """[m] Depth below which a vehicle is under water"""
 DESCENT, CLIMB = 1, 2
@@ -49,7 +49,7 @@ class FlightEstimator(abc.ABC):
     """One line for help texts and documents."""
 
     modelled: ClassVar[bool] = False
-    """True if the flight model gives the speed; its error then shows in the depth rate."""
+    """True if the flight model gives the speed; an error of it then shows in the depth rate."""
 
     @classmethod
     def open(cls, argument: str) -> Self:
@@ -118,7 +118,7 @@ class FlightModel(FlightEstimator):
         return motion_of(log, calibration, "flight" if self.inertia else "steady", start=start)
 
     def errors(self, log: Log, calibration: Calibration) -> tuple[Array, Array]:
-        """Errors by those of the vehicle's and the pitch sensor's numbers (`unit_errors`)."""
+        """Propagate the standard errors of the vehicle and the pitch sensor (`unit_errors`)."""
         wrong = [calibration, *unit_errors(calibration)]
         found = motions_of([log], wrong, "flight" if self.inertia else "steady")
         (right,), *others = found

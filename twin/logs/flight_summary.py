@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from twin.logs.flight_estimator import FlownDive
 
 MOST_APART, MOST_MEAN = 0.01, 0.015
-"""[m/s] Limits of a good model: difference of the means of descents and climbs; each mean"""
+"""[m/s] A good model's limits. MOST_APART: descents' mean minus climbs'. MOST_MEAN: either mean"""
 BIN_HEIGHT = 20.0
 """[m] Largest height of a depth bin"""
 LEAST_SAMPLES = 30
-"""Fewest samples of a bin in descents, and as many in climbs; other bins are left out"""
+"""Minimum number of samples of a bin in descents, and as many in climbs; other bins are left out"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

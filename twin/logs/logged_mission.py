@@ -45,12 +45,12 @@ STORED = {
 DOPPLER, PROFILED, MODEL = "Doppler log", "current profiler", "flight model"
 PROFILER = "profiler's current"
 SIMULATED, LOGGED = "simulated truth", "reference of the log"
-"""Sources of `true_` signals in simulated logs, and of a log's own reference signals"""
+"""Sources of `true_` signals. SIMULATED: in simulated logs. LOGGED: a log's own reference"""
 LAG_CORRECTED = f"{MEASURED}, thermal lag corrected"
 SAME = 2e-3
 """[1], [kg/m3] Largest rounding difference from the stored salinity and density"""
 MOST_LISTED = 6
-"""Most deployments that an error message lists"""
+"""Maximum number of deployments that an error message lists"""
 BREAK = 1.5
 """Gap between two missions, in sample periods, from which plotted lines break"""
 

@@ -32,13 +32,13 @@ FIRST_GUESS = (0.03, 10.0)
 LEAST_RANGE = 1.0
 """[K] Temperature range that a descent and a climb must share; a smaller range shows no lag."""
 LEAST_PAIRS = 3
-"""Fewest pairs of a descent and a climb for a fit"""
+"""Minimum number of pairs of a descent and a climb for a fit"""
 MOST_PAIRS = 80
-"""Most pairs that are compared, evenly chosen; more pairs do not change the result"""
+"""Maximum number of pairs that are compared, evenly chosen; more pairs do not change the result"""
 LEVELS = 50
 """Number of temperatures at which a descent and a climb are compared"""
 LEAST_GAIN = 0.05
-"""[1] Least relative reduction of the difference of descents and climbs that accepts a lag."""
+"""[1] Smallest relative reduction of the difference of descents and climbs that accepts a lag."""
 NUDGE = 0.01
 """[K] Temperature step for the derivative of salinity"""
 
@@ -145,7 +145,7 @@ MS_PER_CM = 10.0
 LEAST_CAST = 10.0
 """[m] Depth range of a descent or climb that is compared"""
 LEAST_SAMPLES = 10
-"""Fewest samples of a cast"""
+"""Minimum number of samples of a cast"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -34,7 +34,7 @@ GPS_DEVIATION = 5.0
 STAY = 300.0
 """[s] Longest time between two fixes of one surface interval; farther apart, a dive is between"""
 PIECES, LEAST_PIECE = 16, 20.0
-"""Most steps of the current filter in a dive, and the shortest step [s]"""
+"""PIECES: maximum number of current filter steps in a dive. LEAST_PIECE: [s] shortest step"""
 VELOCITY_SHARE = 0.012
 """[1] Standard deviation of the velocity through the water, north and east each, as a fraction of
 speed: the difference of descents and climbs after correction of speed scale and compass"""
@@ -43,10 +43,10 @@ SHEAR_SHARE = 0.2
 PHASE = 600.0
 """[s] Correlation time of the error VELOCITY_SHARE if the duration of a descent is unknown"""
 SPEED_SCALE, COMPASS = 0.03, 2.0
-"""[1], [degree] Standard deviations of the speed scale, which the depth rate has corrected, and of
-a calibrated compass"""
+"""Standard deviations. SPEED_SCALE: [1] of the speed scale, which the depth rate has corrected.
+COMPASS: [degree] of a calibrated compass"""
 ANYWHERE, LEAST_DEVIATION = 1e5, 1e-3
-"""[m] Standard deviations of a position before the first fix, and of the origin of a track"""
+"""[m] Standard deviations. ANYWHERE: before the first fix. LEAST_DEVIATION: of a track's origin"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -143,7 +143,7 @@ class Mission:
         return cls(**{**data, "segments": segments})
 
     def to_dict(self) -> dict[str, Any]:
-        """Convert to plain values for TOML, JSON or a store's attributes; None is left out."""
+        """Convert to plain values for TOML, JSON or a store, without the fields that are None."""
         data = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         data["segments"] = [{"kind": s.kind, **dataclasses.asdict(s)} for s in self.segments]
         plain: dict[str, Any] = _plain(data)
@@ -180,7 +180,7 @@ class Mission:
         self._rows(vehicle)
 
     def compile(self, vehicle: Vehicle) -> tuple[Array, Array]:
-        """Table (rows + 1, SEGMENT_COLUMNS + 3 parts) and gains (GAINS,) for guidance.
+        """Table (rows + 1, SEGMENT_COLUMNS + 3 * len(parts)) and gains (GAINS,) for guidance.
 
         A segment has one row; a type made of several segments, such as a lawn-mower, has several.
 

@@ -92,7 +92,7 @@ MOST_OF_STEADY = 2.0
 MOST_SPEED = 1.0
 """[m/s] Limit of the reckoned speed if the steady speed is unknown."""
 LEAST_DIVE = 300.0
-"""[s] Least time under water for an estimate of the current; below, the fix error dominates."""
+"""[s] Smallest time under water for an estimate of the current; below, the fix error dominates."""
 MOST_CRAB = math.sin(math.radians(70.0))
 """[1] Largest fraction of the speed against a cross current; the rest still goes to the target."""
 

@@ -16,7 +16,7 @@ from twin.vehicle.presets import assets_folder, vehicle_names
 from twin.vehicle.vehicle import Vehicle, load_vehicle
 
 DEFAULT, PROPELLED = "default", "survey"
-"""Default missions: of a glider, and of a vehicle with a propeller."""
+"""Default missions. DEFAULT: of a glider. PROPELLED: of a vehicle with a propeller."""
 
 
 def mission_names() -> tuple[str, ...]:

@@ -81,9 +81,9 @@ def _find(folder: Path, name: str) -> Path | None:
 MOVES_NOTHING = ("sample", "prepare_to_dive", "sensors_in", "sensors_out", "nop_cmds")
 """Behaviors without an effect on the motion."""
 SERVO, BATTERY_POSITION = 3.0, 1.0
-"""Values of use_pitch: the argument is a pitch to hold, or a position of the battery."""
+"""use_pitch: hold a pitch (SERVO), or a position of the battery (BATTERY_POSITION)."""
 AUTOBALLAST, ABSOLUTE = 0.0, 2.0
-"""Values of use_bpump: dive and climb take half of the volume each, or all of it."""
+"""use_bpump: dive and climb take half of the volume each (AUTOBALLAST), or all of it (ABSOLUTE)."""
 USUAL_PITCH_DEG = 26.0
 """[degree] Pitch of a dive or climb whose file gives no pitch."""
 KG_PER_CM3 = 1.025e-3
@@ -92,10 +92,10 @@ WPT_DIST = 7.0
 """Value of list_stop_when: the waypoint is reached within list_when_wpt_dist."""
 USUAL_RADIUS_M = 10.0
 FOREVER, ONCE = -1.0, -2.0
-"""Values of num_legs_to_run: without end, or once through the list."""
+"""num_legs_to_run: legs without end (FOREVER), or once through the list (ONCE)."""
 MOST_LEGS = 1000
 LAST_ACHIEVED, CLOSEST = -1.0, -2.0
-"""Values of initial_wpt: the waypoint after the last achieved one, or the closest one."""
+"""initial_wpt: the waypoint after the last achieved one, or the closest one (CLOSEST)."""
 LAT_LONG = 2.0
 """Value of wpt_units: longitude and latitude."""
 

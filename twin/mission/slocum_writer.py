@@ -21,9 +21,9 @@ NUMBER = 10
 """Number of the files that the vehicle's own mission files refer to."""
 MOST_NUMBER = 99
 RESUMES, WAITS = 2, 1
-"""Values of end_action: go on; wait for control-C, then go on."""
+"""end_action: go on (RESUMES), or wait for control-C and then go on (WAITS)."""
 ENDLESS, OFF = -1, -1
-"""Values for yos without end, and for an altitude that turns no climb."""
+"""ENDLESS: yos without end. OFF: altitude that turns no climb."""
 ALTITUDE = 20.0
 """[m] Default height above the sea floor at which dives turn; without it, a glider would dive into
 the floor where the chart is wrong."""

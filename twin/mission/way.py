@@ -335,6 +335,6 @@ def _likely_places(latitude: float, longitude: float) -> Iterator[tuple[tuple[fl
 
 
 def _minutes(degrees: float) -> float:
-    """Convert degrees to DDMM.mmm; undoes the same conversion if it was forgotten."""
+    """Convert degrees to DDMM.mmm, the form that a Slocum's file needs."""
     part, whole = math.modf(abs(degrees))
     return math.copysign(100.0 * whole + 60.0 * part, degrees)

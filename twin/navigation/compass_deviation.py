@@ -32,8 +32,8 @@ DEG = math.pi / 180.0
 IRON = 5
 """Number of iron parameters: b_x, b_y, b_z, D, E [rad]"""
 ANGLE, YAW, PITCH, WANDER, SCALE = range(IRON, IRON + 5)
-"""Indices of the other states: offset of the gyros' heading [rad]; constant biases of the yaw and
-pitch gyros, and varying bias of the yaw gyro [rad/s]; relative error of the gyros' scale [1]"""
+"""Indices of other states. ANGLE: [rad] offset of the gyros' heading. YAW, PITCH: [rad/s] biases of
+these gyros. WANDER: [rad/s] varying bias of the yaw gyro. SCALE: [1] error of the gyros' scale"""
 STATES = IRON + 5
 ARRAYS = ("mean", "covariance", "sums", "passed", "before")
 """Arrays of a filter's state, by name"""
@@ -43,7 +43,7 @@ HARD, SOFT = 0.75 * DEG, 0.3 * DEG
 TURN_ON = 0.1 * DEG
 """[rad/s] Prior standard deviation of the gyros' constant bias"""
 INSTABILITY, INSTABILITY_TIME = 13.0 * DEG / 3600.0, 100.0
-"""[rad/s], [s] Standard deviation and correlation time of the varying bias; MEMS: 8 degree/h"""
+"""Varying bias. INSTABILITY: [rad/s] standard deviation; MEMS: 8 degree/h. INSTABILITY_TIME: [s]"""
 BIAS_WALK = 1e-4 * DEG
 """[rad/s/sqrt(s)] Random walk of the constant biases"""
 ANGLE_WALK = 0.01 * DEG

@@ -1,10 +1,10 @@
 """Dead reckoning: horizontal tracks from surge, sway, attitude and depth.
 
-The equations are the paper's (2) and (3), with two repairs: heave is solved from the vertical row
-with the given surge and sway instead of from the depth rate alone, and the east row has its heave
-term. Integration is trapezoidal. The result is the track THROUGH THE WATER. Angles are radians
-here; stores hold degrees, and `AttitudeSeries.of` converts them. The module also has moving
-averages, gap filling and surface detection for measured channels, which several methods share.
+The equations are (2) and (3) of Saksvik, Alcocer and Hassani (2021, A Deep Learning Approach to
+Dead-Reckoning Navigation), "the paper", with two repairs. Heave is solved from the vertical row,
+given surge and sway, instead of from the depth rate alone. The east row has its heave term.
+Integration is trapezoidal. The result is the track THROUGH THE WATER. Angles are radians here;
+`AttitudeSeries.of` converts a store's degrees.
 
 A steady uniform current cannot be observed from sensors that move with the water. A track over
 ground is therefore a track through the water plus an assumption about the current:
@@ -104,11 +104,11 @@ def values_of(
     """Read values of a sample by name.
 
     Args:
-      readers: end of the error message for a missing channel.
-      wrong: end of the error message for a value that is not finite; empty accepts such values.
+      readers: text after "the sample has no channel NAME": which method reads which channels.
+      wrong: text after "channel NAME" for a value that is not finite; "" accepts such values.
 
     Raises:
-      InputError: a channel is missing, or not finite although `wrong` is given.
+      InputError: a channel is missing, or `wrong` is not "" and a value is not finite.
     """
     try:
         found = {name: float(sample[name]) for name in names}
@@ -165,7 +165,7 @@ def hold(values: Array, valid: Mask, initial: float = 0.0) -> Array:
 def bridge(values: Array, valid: Mask, outside: float = 0.0, *, held: bool = False) -> Array:
     """Values with the invalid samples interpolated; (time,).
 
-    `outside` fills the samples before the first and after the last valid one, or all without any.
+    `outside` fills the samples before the first and after the last valid one; all if none is valid.
     With `held`, the last valid value fills the samples after it.
     """
     index = np.arange(len(values))

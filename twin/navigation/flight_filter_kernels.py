@@ -37,8 +37,8 @@ PROMPT_S = 1.0
 """[s] Time constant of the means of pitch and depth rate afloat. A surfacing hull turns by 100
 degrees in ten seconds: both means must have the same small lag."""
 PROMPT_RATE = 0.02
-"""[m/s] Least difference of the depth rate's means over PROMPT_S and SMOOTHED_S for the first to be
-used. A smaller difference is noise, which would propel a hull with wings forward."""
+"""[m/s] Smallest difference of the depth rate's means over PROMPT_S and SMOOTHED_S for the first to
+be used. A smaller difference is noise, which would propel a hull with wings forward."""
 FUSED_S = 20.0
 """[s] Time constant with which the attitude's pitch follows the accelerometers'."""
 QUIET_S = 10.0
@@ -65,7 +65,7 @@ FLAT_SINE = 0.07
 """Sine of the glide angle at which the speeds by buoyancy and depth rate weigh equally, as in
 `steady_flight`."""
 LEAST_SINE = 0.12
-"""Least sine of the glide angle for a correction"""
+"""Smallest sine of the glide angle for a correction"""
 LEAST_SURGE = 0.05
 """[m/s] Surge below which its standard deviation is absolute, not relative"""
 LEAST_NET = 0.05
@@ -82,16 +82,16 @@ MEANS = 3
 and depth rate"""
 RESTLESS, SLOW_RATE, SINCE_AFLOAT, SINCE_UPDATE = 11, 12, 13, 14
 VELOCITY, SUNK = 15, 18
-"""Places of the motion's velocity [m/s] along the hull's axes, and of its mean downward velocity"""
+"""Places. VELOCITY: [m/s] of the motion, along the hull's axes. SUNK: its mean downward velocity"""
 SPREAD = 19
 """Place of surge's relative standard deviation from the constants, updated at each correction"""
 PROMPT_PITCH, PROMPT_SINKS = 20, 21
-"""Places of the means of pitch and depth rate over PROMPT_S"""
+"""Places of means over PROMPT_S. PROMPT_PITCH: of pitch. PROMPT_SINKS: of the depth rate"""
 GUESS = 22
 COVARIANCE = GUESS + len(CONSTANTS)
 CARRIED = COVARIANCE + len(CONSTANTS) ** 2
 RATE, PLACE, LEARNED = 7, 8, 9
-"""Columns of a glide after its seven means: depth rate [m/s], sample; number of columns"""
+"""Glide's columns after its means. RATE: [m/s] depth rate. PLACE: sample. LEARNED: their number"""
 
 
 @jit

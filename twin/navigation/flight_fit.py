@@ -38,15 +38,16 @@ LASTING_RATE_SD = 1e-2
 LOG_SD = (3e-3, 0.015)
 """[m/s] Standard deviations of the log downward and forward, from water that varies in an hour"""
 LOG_SCALE, LOG_ANGLE = 0.01, 0.015
-"""[1], [rad] Prior standard deviations of the log's scale error and of its angle to the pitch"""
+"""Prior standard deviations of a log. LOG_SCALE: [1] scale error. LOG_ANGLE: [rad] to the pitch"""
 SHEAR, SHEAR_STEP, KNOTS_M = 0.05, 0.02, 25.0
-"""[m/s] Prior standard deviation of the shear, and of its step between knots; [m] between knots"""
+"""[m/s] Prior standard deviations. SHEAR: of the shear. SHEAR_STEP: of its step between knots.
+KNOTS_M: [m] between knots"""
 HUBER = 2.0
 """[1] Residual in standard deviations beyond which its weight decreases"""
 FEWEST = 20
-"""Fewest glides of a fit: four minutes of steady flight"""
+"""Minimum number of glides of a fit: four minutes of steady flight"""
 ROUNDS, STOP, MOST_DAMPING = 60, 1e-4, 1e6
-"""Most steps; and the step, in prior standard deviations, and the damping that end the fit"""
+"""A fit ends after ROUNDS steps, at a step of STOP standard deviations, or at MOST_DAMPING."""
 SURE = 1e-6
 """[1] Factor on the prior standard deviations that keeps the constants at the file's"""
 LN = "ln of the factor"

@@ -37,7 +37,7 @@ LOG_DEVIATION = 0.005
 """[m/s] Standard deviation, north and east each, of a Doppler log's mean in bottom lock: scale and
 mount have errors of a hundredth of a glider's speed"""
 LEAST_LOCK = 0.5
-"""[1] Least fraction of samples with bottom lock in a filter step, for the log to be used"""
+"""[1] Smallest fraction of samples with bottom lock in a filter step, for the log to be used"""
 START_DEVIATION = 1.0
 """[m] Standard deviation, north and east each, of a given start position"""
 KEPT: Mapping[str, Callable[[Any], Any]] = {
@@ -144,8 +144,7 @@ class Navigator:
         """Innovation of the fix after each dive."""
         self._noise = stated.noise**2 * np.eye(2)
         self.channels = tuple(dict.fromkeys((*estimator.channels, DEPTH, *ATTITUDE)))
-        """Schema variables that a sample must have; `FIX`, `RATES`, `LOG` and `LOCK` are
-        optional."""
+        """Variables that a sample must have; `FIX`, `RATES`, `LOG`, `LOCK` are optional."""
         self.deviation = CompassDeviation(self.period)
         """Filter of the compass deviation, which needs the gyros' rates."""
         self._start = start

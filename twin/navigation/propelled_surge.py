@@ -20,7 +20,7 @@ from twin.navigation.dead_reckoning import Array
 SPEEDS = np.linspace(0.02, 2.6, 130)
 """[m/s] Surges among which the balance of lift finds the likeliest"""
 LEAST_SAMPLES = 30
-"""Fewest samples for a fit"""
+"""Minimum number of samples for a fit"""
 
 
 class LiftBalance(NamedTuple):
@@ -145,10 +145,11 @@ class ThrustBalance:
 
 
 PRIOR, OUTLIER, LOOKS = 0.3, 0.15, 25
-"""[m/s] Weight of the priors, residual beyond which samples count as outliers; most evaluations"""
+"""[m/s] PRIOR: weight of the priors. OUTLIER: residual beyond which samples are outliers. LOOKS:
+maximum number of evaluations"""
 DRAWS_AIR, SUBSTEPS = 0.25, 4
-"""[m] Depth at which half of the surface's effect is left, a propeller's diameter and more; steps
-of the integration in a sample"""
+"""DRAWS_AIR: [m] depth at which half of the surface's effect is left, a propeller's diameter and
+more. SUBSTEPS: steps of the integration in a sample"""
 
 
 @jit

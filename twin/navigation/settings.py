@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from twin.sensors.suite import SensorSuite
 
 TRUTH, ESTIMATE = "truth", "estimate"
-"""Settings by which guidance uses the true state, or an estimate by the vehicle's usual
-estimator."""
+"""Settings of guidance. TRUTH: it uses the true state. ESTIMATE: it uses an estimate by the
+vehicle's usual estimator."""
 ESTIMATED = tuple(f"estimated_{name}" for name in OUTPUTS)
 """Channels of `twin.navigation.flight_filter`, in the order of its outputs"""
 MIXED = ("surge", "steady", "surge_sd")

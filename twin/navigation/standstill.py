@@ -38,8 +38,8 @@ controllers report a few revolutions at rest"""
 NOISE_WINDOW = 30.0
 """[s] Averaging time of the yaw rate's square"""
 LEAST_GAIN = 0.5
-"""[1] Least difference of the fractions of standing and moving samples for a division by yaw
-noise; chance has 0"""
+"""[1] Smallest excess of the fraction of standing samples below a limit over that of moving
+samples, for the limit to divide them; chance has 0"""
 
 
 def largest_surge(depth: Array, pitch: Array, period: float) -> Array:

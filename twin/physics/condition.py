@@ -52,13 +52,13 @@ BODY = ("vehicle", "volume", "zeros")
 INSTRUMENTS = ("iron", "compass_offset", "depth_offset", "echoes_lost")
 """Fields of a condition with the errors of the instruments that guidance reads."""
 REST_VOLTAGE, EMPTY_VOLTAGE = 15.0, 12.5
-"""[V] Voltage of a fresh and of an empty lithium pack, from gliders' logs."""
+"""[V] Lithium pack, from gliders' logs. REST_VOLTAGE: fresh pack. EMPTY_VOLTAGE: empty pack."""
 RESISTANCE = 0.35
 """[ohm] Resistance of all packs and their wires together."""
 ENDURANCE_DAYS = 60.0
-"""[d] Time that the batteries last at the vehicle's mean power, before the sampled factor."""
+"""[d] Time that full batteries last at the flight's mean power; a sampled factor multiplies it."""
 VOLTAGE_NOISE, CURRENT_NOISE = 0.02, 0.005
-"""[V], [A] Standard deviation of the noise of a sample."""
+"""Standard deviation of a sample's noise. VOLTAGE_NOISE: [V]. CURRENT_NOISE: [A]."""
 HULL_AIR = 0.35
 """[1] Fraction of the hull's volume that is air."""
 VACUUM_NOISE = 40.0
@@ -129,10 +129,10 @@ def apply_real_vehicle(
             rows[index]["zero"] = zero
 
 
-def differs(fault: Fault, sound: Condition, fields: Sequence[str]) -> bool:
-    """Tell whether a fault changes one of `fields` in the condition of a sound vehicle."""
-    changed = fault.change(sound, fault.size)
-    return any(getattr(changed, name) is not getattr(sound, name) for name in fields)
+def differs(fault: Fault, before: Condition, fields: Sequence[str]) -> bool:
+    """Tell whether a fault changes one of `fields` of a healthy vehicle's condition."""
+    changed = fault.change(before, fault.size)
+    return any(getattr(changed, name) is not getattr(before, name) for name in fields)
 
 
 def conditions_of(scenario: Scenario, duration: float) -> tuple[tuple[float, Condition], ...]:

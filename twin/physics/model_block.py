@@ -327,7 +327,7 @@ def label(vehicle: Vehicle) -> str:
 
 
 MOST_SAMPLES = 4_000_000
-"""Most samples of one run: about 1.3 GB of log, 23 days at 2 Hz."""
+"""Maximum number of samples of one run: about 1.3 GB of log, 23 days at 2 Hz."""
 IMPLICIT_STEP = 0.02
 """[s] Limit of the step with the integrators implicit and implicitfast: servos are stiff."""
 _EXPLICIT = (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_RK4)

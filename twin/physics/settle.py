@@ -44,7 +44,7 @@ WINDOW = 60.0
 PATIENCE = 3600.0
 """[s] Time limit: a glider that is still unsteady after an hour has no usable steady state."""
 START_SPEED, START_PITCH = 0.3, 0.5
-"""[m/s], [rad] Speed and pitch at release; the glider points the way its buoyancy moves it."""
+"""Release, in the direction of buoyancy. START_SPEED: [m/s]. START_PITCH: [rad]."""
 SAME_MOTION = 0.02
 """[m/s, rad, rad/s] Largest difference between the flown motion and the root of the equations."""
 

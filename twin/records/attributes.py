@@ -14,13 +14,13 @@ from twin.errors import InputError, shown
 from twin.records.schema import MISSION, SCHEMA_VERSION, TIME
 
 SCHEMA, VERSION = "schema", "schema_version"
-"""Attributes with the name of the store's schema and the schema's version"""
+"""Attributes. SCHEMA: name of the store's schema. VERSION: its version"""
 TITLE, COMMENT, SOURCE, HISTORY = "title", "comment", "source", "history"
 SAMPLE_PERIOD = "sample_period_s"
 """[s] Attribute with the time between samples; generated stores keep it in SETTINGS instead."""
 
 SETTINGS, CHANGES = "settings", "changes"
-"""JSON attributes: all settings of `factory generate`, and the settings that the user changed"""
+"""JSON. SETTINGS: all settings of `factory generate`. CHANGES: those that the user changed"""
 PRESET, SEED, HOURS, SENSORS = "preset", "seed", "hours", "sensors"
 FAILED_MISSIONS = "failed_missions"
 """JSON list of the failed attempts that others replaced, in stores without arrays of attempts"""

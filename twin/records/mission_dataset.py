@@ -127,7 +127,7 @@ def signal_names(one: xr.Dataset) -> tuple[str, ...]:
 KILO = 1e3
 PLACES = ("north", "east", "depth")
 UNDER_WATER_M, UNDER_WAY_M_S = 1.0, 0.05
-"""[m], [m/s] Least depth and speed of a flying vehicle; otherwise it floats at the surface."""
+"""A vehicle flies below UNDER_WATER_M [m] if faster than UNDER_WAY_M_S [m/s]; else it floats."""
 
 
 def summarise(trajectory: Trajectory) -> dict[str, Any]:
@@ -209,7 +209,7 @@ def _energy(trajectory: Trajectory, horizontal: float) -> dict[str, Any]:
 
 
 def _bottom(t: Trajectory) -> dict[str, Any]:
-    """Least altitude and first contact, for missions with a sea floor or obstacles."""
+    """Smallest altitude and first contact, for missions with a sea floor or obstacles."""
     figures: dict[str, Any] = {}
     if "true_altitude" in t:
         figures["min_altitude_m"] = float(t["true_altitude"].min())

@@ -30,7 +30,7 @@ GENERATING = ".generating"
 RECIPE = "recipe.json"
 """File in that folder with the recipe of the store"""
 LONGEST_VERSION = 40
-"""Most characters of a program's version that an error message quotes"""
+"""Maximum number of characters of a program's version that an error message quotes"""
 OTHER_FORMATS = (".nc", ".csv", ".txt", ".mat", ".h5", ".json", ".npz", ".parquet", ".mcap")
 """Endings of other formats, which a store's name must not have"""
 MAKERS = "`factory generate`, `factory import` and `twin simulate --out` write those"

@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 Kind = Literal["simulated", "logged"]
 
 LEAST_SAMPLES = 2
-"""Least number of samples in a mission, because a rate of change needs two"""
+"""Minimum number of samples in a mission, because a rate of change needs two"""
 READ_ALONG = 4 * 7200
 """Largest number of unwanted samples that are decoded between two wanted missions. Decoding more
 samples costs more than another request for a slice."""

@@ -121,7 +121,7 @@ def save_missions(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = Fa
     """Write missions as a store if the name ends in .zarr, as netCDF if it ends in .nc.
 
     Raises:
-      InputError: another ending. WriteError: as `write_store`.
+      InputError: `path` ends neither in .zarr nor in .nc. WriteError: as `write_store`.
     """
     check_addresses(path := Path(path))
     ending = path.suffix.lower()

@@ -206,11 +206,11 @@ def _join_signal(
 ABOUT = ("Conventions", "title", "source", COMMENT, "history", "platform")
 """Attributes of a store that a series keeps: its content and its origin"""
 DIRECTION, HEADING = "platform_orientation", "_heading"
-"""Standard name of headings, and the ending of heading setpoints, which have no standard name"""
+"""DIRECTION: standard name of headings. HEADING: ending of heading setpoints, which have none"""
 FLAGS = ("measured_phase", "measured_dvl_mode", "commanded_segment")
 """Signals that number categories and lack the attribute `flag_values`"""
 SHORTEST = 1e-9
-"""[1] Least length of a mean unit vector; below it the mean direction is NaN."""
+"""[1] Smallest length of a mean unit vector; below it the mean direction is NaN."""
 
 
 def resample(series: xr.Dataset, step: str) -> xr.Dataset:

@@ -135,7 +135,7 @@ class Trajectory(Mapping[str, Array]):
         """Write a zarr store (.zarr) or netCDF (.nc), which `twin.open_trajectory` reads.
 
         Raises:
-          InputError: another ending.
+          InputError: `path` ends neither in .zarr nor in .nc.
           WriteError: `path` exists and may not be replaced, or the disk refuses."""
         dataset = resolve("twin.records.mission_dataset:dataset_of")
         made = dataset([self], attributes=self._attributes())

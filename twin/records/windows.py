@@ -32,7 +32,7 @@ Missions = dict[int, Floats]
 """Decoded signals by mission, each (samples, channels)"""
 
 MEMORY = 2.0**31
-"""[byte] Most memory that decoded missions take by default"""
+"""[byte] Largest memory that decoded missions take by default"""
 Places = NDArray[np.int64]
 """Positions of missions in a list of wanted missions"""
 

@@ -44,7 +44,7 @@ PLACES = (
 position is a hash of its name."""
 DRAWN_STREAM, NOISE_STREAM = 0, 1
 KNOTS = 20
-"""Least number of knots per correlation time; slow processes are linear between their knots."""
+"""Minimum number of knots per correlation time; slow processes are linear between their knots."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,7 +74,7 @@ class Outset:
     """Data of a mission that are known before its first sample."""
 
     samples: int
-    """Most samples in the mission, n; random numbers are sampled for n samples."""
+    """Maximum number of samples in the mission, n; random numbers are sampled for n samples."""
     signals: Iterable[str]
     """Names of the vehicle's signals."""
     dt: float
@@ -90,8 +90,7 @@ class SensorRun:
     """Run of a sensor through one mission, in consecutive stretches of samples."""
 
     delay = 0
-    """Number of later samples that a reading needs, such as for a mean over an interval around the
-    sample."""
+    """Number of later samples that a reading needs, such as for a mean around the sample."""
     carried: Array = np.zeros(0)
     """State on which later readings depend, besides the signals and the random numbers."""
 

@@ -16,7 +16,7 @@ DEG = math.pi / 180.0
 BEAMS = 4
 NO_LOCK, BOTTOM_LOCK, WATER_LOCK = 0, 1, 2
 MIN_BEAMS = 3
-"""Least number of beams for a three-dimensional velocity."""
+"""Minimum number of beams for a three-dimensional velocity."""
 LEAST_COSINE = 0.05
 """Lower bound of cos(pitch): above 87 deg, roll and heading have no useful meaning."""
 

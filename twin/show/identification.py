@@ -33,8 +33,8 @@ CENTIMETRES = 100.0
 DEPTH_BINS, LEAST_IN_BIN = 20, 10  # bins of depth, and least samples of a bin with quartiles
 COVERED = 97.0  # percentile of the quartiles that the axis of residuals over depth covers
 SHOWN, LONGEST_LAG = 5.0, 300.0
-"""Reach of the residual's axis in standard deviations, and [s] longest lag of the autocorrelation,
-half a dive to 100 m"""
+"""SHOWN: reach of the residual's axis in standard deviations. LONGEST_LAG: [s] of the
+autocorrelation, half a dive to 100 m"""
 MOST_DIVES = 6  # most dives that are drawn, evenly chosen from the checked dives
 
 

@@ -30,7 +30,7 @@ from twin.records.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 COLUMN_WIDTH, PAGE_WIDTH = 3.5, 7.2
-"""[in] Width of one column of a two-column journal (89 mm), and of both columns (183 mm)"""
+"""[in] COLUMN_WIDTH: a column of a two-column journal (89 mm). PAGE_WIDTH: both (183 mm)"""
 
 PALETTE = {
     "blue": "#0072B2",

@@ -36,13 +36,13 @@ SEA = 1025.0
 """[kg/m3] Density of sea water."""
 FRONTAL_DRAG, CROSS_FLOW_DRAG = 0.2, 1.1
 HULL_LIFT, LIFT_PLACE = 0.003 * 180.0 / math.pi, -0.15
-"""[1/rad] Lift slope / slenderness; place of the lift ahead of the middle / length."""
+"""HULL_LIFT: [1/rad] lift slope / slenderness. LIFT_PLACE: lift ahead of the middle / length."""
 FIN_LIFT, FIN_AREA, FIN_PLACE = 3.12, 1.0 / 40.0, -0.46
-"""[1/rad] Lift slope; area / (length * diameter); place ahead of the middle / length."""
+"""FIN_LIFT: [1/rad] lift slope. FIN_AREA: / (length * diameter). FIN_PLACE: as LIFT_PLACE."""
 FIN_REACH = 0.75
 """Distance from the axis to the middle of a fin / diameter, for roll damping."""
 SCREW, THRUST, FREE_ADVANCE = 0.7, 0.16, 0.5
-"""Screw / hull diameter; per turn: thrust coefficient at rest, advance ratio of zero thrust."""
+"""SCREW: screw / hull diameter. THRUST: coefficient at rest. FREE_ADVANCE: ratio of zero thrust."""
 LOW = 0.05
 """Depth of the centre of gravity below the axis / diameter."""
 SLENDER = (3.0, 20.0)
@@ -61,8 +61,7 @@ class Dimensions:
     mass: float
     """[kg] Mass of the neutral vehicle with its flooding water."""
     fin_area: float = 0.0
-    """[m2] Area of both blades of a rudder, or of an elevator; 0: a fortieth of length times
-    diameter."""
+    """[m2] Both blades of a rudder, or of an elevator; 0: length times diameter over 40."""
     fin_place: float = 0.0
     """[m] Place of the fins, negative behind the middle; 0: 0.46 of the length behind it."""
     screw: float = 0.0

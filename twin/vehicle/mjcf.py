@@ -26,11 +26,11 @@ USER = "user."
 MOST_XML = 16 * 2**20
 """[byte] Longest vehicle file: enough for meshes with a hundred thousand vertices."""
 MOST_DEPTH = 64
-"""Most elements nested inside each other."""
+"""Maximum number of elements nested inside each other."""
 MOST_ELEMENTS = 20_000
-"""Most elements of a file; an element in a <replicate> counts once for each repeat."""
+"""Maximum number of elements of a file; an element in a <replicate> counts once for each repeat."""
 MOST_CELLS = 2**22
-"""Most cells of a height field, or pixels of a generated texture: 2048 by 2048."""
+"""Maximum number of cells of a height field, or pixels of a generated texture: 2048 by 2048."""
 MOST_MEMORY = 2**30
 """[byte] Largest <size memory>."""
 AREAS = (("nrow", "ncol"), ("width", "height"))

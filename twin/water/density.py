@@ -46,7 +46,7 @@ COLUMN_DEPTH = 6000.0
 """[m] Depth of a column that is given by its surface density alone."""
 PROGRAM_HEADER = 2
 MAX_PROGRAM_POINTS = 20_000
-"""Most points of a compiled table: 12 000 m at 1 m fits; more points mean a wrong spacing."""
+"""Maximum number of points of a compiled table: 12 000 m at 1 m; more mean a wrong spacing."""
 
 
 def gravity(latitude: float, depth: ArrayLike = 0.0) -> Array:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 MOST_ROWS = 100_000
-"""Most lines of a table: nine per metre of the deepest sea. Stores hold copies of their tables."""
+"""Maximum number of lines of a table, nine per metre of the deepest sea; stores hold copies."""
 
 
 def read_table_file(path: Path, what: str, error: type[InputError] = InputError) -> pd.DataFrame:

@@ -46,7 +46,7 @@ class SimulatedMission:
     name: str
     """Identifier of the mission, without spaces."""
     said: str
-    """Sentence on the mission. For `twin simulate`, the sentence names nominal place or date."""
+    """Sentence on the mission; for a single flight, it says if place or date is nominal."""
     vehicle: str
     latitude: float
     """[degree] Latitude of the origin."""
@@ -90,7 +90,7 @@ def simulated_mission(run: GeneratedStore | StoredFlight, mission: int) -> Simul
 def _began(
     run: GeneratedStore | StoredFlight, mission: int
 ) -> tuple[float, float, datetime.datetime, str]:
-    """Latitude, longitude [degree], start in UTC, and "place", "date" or both if nominal.
+    """Latitude, longitude [degree], start in UTC, and what is nominal: "place", "date", both or "".
 
     Stores of earlier versions may lack place and date. Stores of the factory then have them among
     the mission's parameters; a single flight gets the defaults of this version.

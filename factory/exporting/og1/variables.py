@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Og1Variable:
-    """Variable of the file."""
+    """Variable of an OG1.0 file."""
 
     values: NDArray[Any]
     attributes: Mapping[str, Any]

@@ -29,11 +29,11 @@ _DEEP = 10.0
 _BELOW = 5.0
 """[m] Depth below which sensors are judged."""
 _FEWEST = 20
-"""Fewest samples that show a stuck sensor."""
+"""Minimum number of samples that show a stuck sensor."""
 _STEADY = ("measured_pitch", "measured_heading")
 """Channels that always vary over a dive, if only in the last digit."""
 _STANDS, _PITCHED = 300.0, 10.0
-"""[s, degree] Longest time at one depth with the nose up or down, and the least such pitch."""
+"""_STANDS: [s] longest time at one depth with the nose up or down by _PITCHED [degree]."""
 
 
 def since_clock(log: DeploymentLog, rules: DiveRules, tally: Tally) -> DeploymentLog:
@@ -71,7 +71,7 @@ def since_clock(log: DeploymentLog, rules: DiveRules, tally: Tally) -> Deploymen
 
 
 _UNSET = 30.0 * 86400.0
-"""[s] Silence that shows an unset clock, which is years away; deployments are silent for days."""
+"""[s] A longer silence shows that the clock was set; deployments are silent for days at most."""
 
 
 def tell_above_sea(log: DeploymentLog, tally: Tally) -> None:
@@ -249,7 +249,7 @@ def _pitch_fault(signals: Mapping[str, Array], period: float) -> list[Reason]:
 ATTITUDE = ("measured_pitch", "measured_heading", "measured_roll")
 
 DEEP = 10.0
-"""[m], [dbar] Depth that no vehicle with a fix reaches."""
+"""[m], [dbar] Limit of depth: a vehicle that is deeper has no fix."""
 
 
 def computer_of(log: DeploymentLog, segment: LogSegment) -> Channel:

@@ -72,7 +72,7 @@ class DiveRow:
     segment: LogSegment
     signals: dict[str, Array]
     numbers: dict[str, float]
-    """Per-row numbers besides those of the segment, such as vehicle_dac_north, and dive if the
+    """Numbers of the row that are not in `segment`, by a name of NUMBERS; also `dive`, if the
     vehicle counts its dives."""
     positions: Positions
     cells: Array | None = None
@@ -207,7 +207,7 @@ def split_rows(rows: Sequence[DiveRow]) -> NDArray[np.int8]:
 
 
 def blocks(count: int) -> NDArray[np.int8]:
-    """Flags of `count` dives in order of time; one dive is test, two are train and test."""
+    """Flags of `count` dives in order of time; a single dive is test, two are train, then test."""
     test = max(1, round(SHARES[2] * count))
     validation = min(max(1, round(SHARES[1] * count)), max(count - test - 1, 0))
     parts = (count - test - validation, validation, test)
@@ -269,7 +269,7 @@ def _per_row(rows: Sequence[DiveRow]) -> dict[str, Any]:
     owners, doubts = ([getattr(row, name) for row in rows] for name in ("deployment", "suspect"))
     return variables | {
         DIVE: _described(DIVE, dive_numbers(rows)),
-        DEPLOYMENT: _described(DEPLOYMENT, np.array(owners, object)),  # a fixed width warns
+        DEPLOYMENT: _described(DEPLOYMENT, np.array(owners, object)),  # zarr warns of fixed widths
         SUSPECT: _described(SUSPECT, np.array(doubts, object)),
         SPLIT: _described(SPLIT, split_rows(rows)),
     }

@@ -267,8 +267,7 @@ def _row_of(
 def _report(
     rows: Sequence[DiveRow], kind: str, period: float, files: Sequence[str], tally: Tally
 ) -> ImportReport:
-    """Report of at least one dive, in the order of the store; a current that no dive has is removed
-    from all rows."""
+    """Make the report of at least one row; remove a current that is NaN in all rows from `rows`."""
     for axis in ("north", "east"):  # a store has no variable of only NaN
         if not any(np.isfinite(row.numbers.get(f"dac_{axis}", np.nan)) for row in rows):
             for row in rows:

@@ -36,15 +36,15 @@ CURRENT_METHOD = (
 )
 """Comment on the current in a store's attributes."""
 _STEEP = 10.0
-"""[degree] Least pitch of a glide; in flatter stretches the speed is interpolated."""
+"""[degree] Smallest pitch of a glide; in flatter stretches the speed is interpolated."""
 _WINDOW = 20.0
 """[s] Averaging time of pitch and depth rate."""
 _AFLOAT = 1.0
 """[m] Depth above which a glider lies at the surface."""
 _KNOWN = 0.9
-"""Least fraction of the time under water that has original samples."""
+"""Smallest fraction of the time under water that has original samples."""
 _FEWEST = 10
-"""Fewest samples of a glide that give a speed."""
+"""Minimum number of samples of a glide that give a speed."""
 
 
 def averaged_current(

@@ -47,9 +47,9 @@ DEPTHS = ("measured_depth", "measured_pressure")
 MEASURING = re.compile(r"measured_(pitch|roll|heading|\w+_rate|specific_force_\w)")
 """Signals of sensors that never report on change: unknown without a sample."""
 MOST_HOLES = 100_000
-"""Most samples of a row's grid without a check for gaps: six days at 5 s."""
+"""Maximum number of grid samples of a row that is not checked for gaps: six days at 5 s."""
 _MOST_HOLE = 10.0
-"""Most grid samples for each logged sample in a longer row."""
+"""Maximum ratio of grid samples to logged samples in a longer row."""
 _GAP_FACTOR = 3.0
 """Shortest gap, in usual sample spacings."""
 _TRUTH = ("true_surge", "true_sway", "true_heave")
@@ -192,7 +192,7 @@ def _ended(name: str, channel: Channel, times: Array) -> NDArray[np.bool_]:
 
 
 def _extend_to_fixes(depth: Channel, segment: LogSegment) -> Channel:
-    """Extend a depth or pressure that begins or ends deep by a line to the fix at the surface."""
+    """Add depth 0 at the fix before a record that begins deep, and after one that ends deep."""
     time, values = depth.time, depth.values
     if segment.start_fix is not None and values[0] > DEEP and time[0] - segment.start > NEAR:
         time, values = np.append(segment.start, time), np.append(0.0, values)
@@ -227,8 +227,8 @@ def _held_value(channel: Channel, times: Array) -> Array:
 def _gaps(log: DeploymentLog, times: Array, period: float) -> Mask:
     """True where attitude or depth has no original sample near.
 
-    Near is within half of `_GAP_FACTOR` usual spacings. The usual spacing is that of the time: a
-    vehicle that samples every minute at depth has no gap there.
+    Near is within half of `_GAP_FACTOR` times the median spacing of the samples around a time. So
+    a vehicle that samples every minute at depth has no gap there.
     """
     gap = np.zeros(len(times), bool)
     stored = log.channel("gap_stored")

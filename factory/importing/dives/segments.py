@@ -145,9 +145,9 @@ def longest_stretch(depth: Channel, deeper: float) -> float:
 
 
 _STANDS_FOR = 3.0
-"""Most usual spacings that one sample stands for."""
+"""Largest number of usual sample spacings for which one sample stands."""
 _SEVERAL, _OFTEN = 3, 20.0
-"""Fewest samples of a dive (a restarted sensor shows two), if spaced by less than _OFTEN [s]."""
+"""A dive needs _SEVERAL samples if spaced by less than _OFTEN [s]; a restarted sensor gives 2."""
 _DAY = 86400.0
 """[s] One day."""
 
@@ -204,7 +204,7 @@ def _make_segment(span: Place, first: Place | None, last: Place | None, **stay: 
 
 
 _DRIFT_TIME = 60.0
-"""[s] Least time that gives a drift: over less time, the noise of two fixes exceeds the drift."""
+"""[s] Shortest time that gives a drift; over less, the noise of two fixes exceeds the drift."""
 
 
 def surface_drift(fixes: LoggedFixes) -> tuple[float, float]:

@@ -18,16 +18,16 @@ from factory.importing.doppler.pd0 import Array
 from factory.importing.doppler.relative_velocity import Mask
 
 STEP, WINDOW, LONGEST = 1.0, 15, 20.0
-"""[s] Time step, and number of steps of the line by which the depth rate is found; [s] longest time
-between depths: there is no rate in a longer gap."""
+"""STEP: [s] time step. WINDOW: number of steps of the line whose slope is the depth rate. LONGEST:
+[s] longest time between depths; a longer gap has no rate."""
 DEEP, MOVING = 2.0, 0.1
-"""[m] Depth above which waves move the vehicle; [m/s] least speed that shows the tilt."""
+"""DEEP: [m] depth above which waves move the vehicle. MOVING: [m/s] speed that shows the tilt."""
 TILT, SCALE = np.radians(10.0), 0.03
-"""[rad] and fraction: standard deviations of tilt and scale before the fit."""
+"""Standard deviations before the fit. TILT: [rad] of the tilt. SCALE: [1] of the scale."""
 BLOCK, MINUTE = 300.0, 60.0
-"""[s] Time within which errors are taken as one, and over which closure is judged."""
+"""[s] BLOCK: time in which errors are equal. MINUTE: time over which closure is judged."""
 ROUNDS, OUTLIER = 12, 3.0
-"""Rounds of the fit, and the robust standard deviations beyond which an ensemble is an outlier."""
+"""ROUNDS: number of fits. OUTLIER: robust standard deviations that make an outlier."""
 ROBUST = 1.4826
 """Standard deviation over the median absolute value, of a normal distribution."""
 

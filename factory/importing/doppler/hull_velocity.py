@@ -43,7 +43,7 @@ NEIGHBOURS = 51
 CLOSER = 0.8
 """Residual in other axes, over that in those that the file states, below which these are taken."""
 FEWEST = 30
-"""Fewest ensembles with water and bottom track that can contradict each other."""
+"""Minimum number of ensembles with water and bottom track that can contradict each other."""
 CURRENT, LOST, LEAST = 3.0, 0.3, 0.1
 """[m/s] Fastest current; share of the hull's speed, and [m/s] speed, that water track may lack
 against bottom track."""

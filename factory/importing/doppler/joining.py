@@ -17,36 +17,36 @@ from factory.importing.doppler.pd0 import Array, Ensembles
 from twin.errors import InputError
 
 REACH, COARSE, FINE = 3600.0, 5.0, 0.1
-"""[s] Largest offset of the clocks, and steps of the search."""
+"""[s] REACH: largest offset of the clocks. COARSE, FINE: steps of the search."""
 UNITS = {"depth": 1.0, "pitch": 3.0}
 WORDS = {"depth": "depths by {:.1f} m", "pitch": "pitches by {:.1f} degree"}
-"""Differences of depth and pitch that weigh the same, and their texts."""
+"""UNITS: [m], [degree] differences that weigh the same. WORDS: texts of these differences."""
 MOST, MOST_DEVIATIONS = 0.8, 1.2816
-"""Share of the samples that must agree, since turns may not, and the standard deviations within
-which that share of normal errors lies."""
+"""MOST: fraction of the samples that must agree; those in turns need not. MOST_DEVIATIONS: standard
+deviations within which that fraction of normal errors lies."""
 MOVES, CAPPED = 3.0, 25.0
-"""Smallest standard deviation, in these, of a record that can be aligned, and largest square of a
-difference: turns are short, and sampled at other times."""
+"""MOVES: in UNITS, smallest standard deviation of a record that can be aligned. CAPPED: largest
+square of a difference; turns are short, and the two logs sample them at other times."""
 OVERLAP, PARTS = 0.5, 4
-"""Least share of the ensembles within the vehicle's log; parts with offsets of their own."""
+"""OVERLAP: smallest share of ensembles within the vehicle's log. PARTS: parts with own offsets."""
 ALIKE, ALIKE_SHARE, TURNING = 1.0, 0.03, 15.0
-"""Largest deviation between two records of one vehicle, in UNITS, or as a share of their range,
-where sensors differ in scale; [degree] and that between their headings."""
+"""Largest standard deviation between two records of one vehicle. ALIKE: in UNITS. ALIKE_SHARE: as a
+share of their range, for sensors of unequal scale. TURNING: [degree] of headings."""
 DEEPER, DEEPER_SHARE = 5.0, 0.1
-"""[m] Largest offset between the two depths, or as a share of their range."""
+"""Largest offset of the depths. DEEPER: [m]. DEEPER_SHARE: or as a share of their range."""
 
 
 class Offsets(NamedTuple):
     """Offsets to be added to a Doppler log's values."""
 
     seconds: float
-    """[s] Of the clock."""
+    """[s] Offset of the clock."""
     seconds_deviation: float
-    """[s] Standard deviation, by parts of the record."""
+    """[s] Standard error of `seconds`, from the offsets of parts of the record."""
     heading: float
-    """[degree] Of the heading; NaN without one."""
+    """[degree] Offset of the heading; NaN without a heading."""
     heading_deviation: float
-    """[degree] Standard deviation of a single ensemble."""
+    """[degree] Standard deviation of the difference of headings at an ensemble."""
 
 
 def find_offsets(name: str, layouts: Sequence[Ensembles], vehicle: DeploymentLog) -> Offsets:

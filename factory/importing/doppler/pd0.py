@@ -34,7 +34,7 @@ BY_CELL = {CORRELATION: "correlation", ECHO: "echo", GOOD: "good"}
 LEAST = {FIXED: 36, VARIABLE: 28, BOTTOM: 44}
 """[byte] Shortest blocks; newer firmware appends fields."""
 BEAMS, BAD = 4, -32768
-"""Number of beams, and [mm/s] velocity that was not measured."""
+"""BEAMS: number of beams. BAD: [mm/s] velocity that was not measured."""
 FIELDS: dict[str, tuple[int, int, str, float]] = {
     "system": (FIXED, 4, "<u2", 1.0),
     "cell": (FIXED, 12, "<u2", 0.01),
@@ -47,8 +47,7 @@ FIELDS: dict[str, tuple[int, int, str, float]] = {
     "pitch": (VARIABLE, 20, "<i2", 0.01),
     "roll": (VARIABLE, 22, "<i2", 0.01),
 }
-"""Numbers of the leaders by name: block, place [byte], type, and the file's unit in metre, m/s or
-degree."""
+"""Leaders' numbers by name: block, place [byte], type, and the unit in metre, m/s or degree."""
 
 Ensembles = Mapping[str, Array]
 """Ensembles of one layout, in the order of the file: `FIELDS`, and

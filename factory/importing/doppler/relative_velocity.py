@@ -20,15 +20,16 @@ from twin.frames import euler_to_matrix
 Mask = NDArray[np.bool_]
 
 FLATTEST = 0.2
-"""Least vertical part of a beam's direction; flatter beams reach no other depth."""
+"""Smallest vertical part of a beam's direction; flatter beams reach no other depth."""
 NEAR, MOST_CELLS = 6.0, 10
-"""[m] Farthest middle of a cell that counts as the hull's own water, and most such cells."""
+"""NEAR: [m] range of cells that show the hull's own water. MOST_CELLS: maximum number of these."""
 BEAM, INSTRUMENT, SHIP, EARTH = range(4)
 """Axes of a file's velocities, by bits of the transform."""
 LEVEL, CONVEX, UPWARD = 4, 8, 128
-"""Bits: of the transform, tilts used; of the system, convex transducer and beams that look up."""
+"""LEVEL: bit of `transform`: tilts are used. CONVEX, UPWARD: bits of `system`: a convex transducer,
+beams that look up."""
 CARRIED = ("time", "depth", "heading", "pitch", "roll", "sound_speed", "beam_angle")
-"""Quantities that are those of the file."""
+"""Quantities that are taken from the file unchanged."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -143,7 +144,7 @@ def _at_depths(one: Ensembles, values: Array, middle: Array) -> Array:
     """
     count, last = len(middle), middle.shape[1] - 1
     unit, axes = np.broadcast_to(np.eye(4), (count, 4, 4)), np.full(count, BEAM)
-    # a hull that moves along a beam closes at its speed: rows of the inverse are the directions
+    # beam velocity = direction . hull velocity: the inverse of beams-to-hull has directions as rows
     beams = np.linalg.inv(np.swapaxes(_hull_axes(one, unit, axes, axes != BEAM), 1, 2))[..., :3]
     roll, pitch = np.radians(one["roll"]), np.radians(one["pitch"])
     steep = np.abs(np.einsum("tbj,tj->tb", beams, euler_to_matrix(roll, pitch, 0.0 * roll)[:, 2]))

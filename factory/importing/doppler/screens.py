@@ -22,11 +22,11 @@ class Thresholds:
     """Limits of the screens."""
 
     failed: float = 5.0
-    """[%] Most pings without a velocity."""
+    """[%] Largest share of pings without a velocity."""
     decorrelation: float = 45.0
     """[count] Largest loss of correlation, of 128, in any beam."""
     echo: float = 2.0
-    """[count] Least echo of any beam above the lowest in the file, 0.45 dB each."""
+    """[count] Smallest echo of any beam above the lowest in the file, 0.45 dB each."""
     error: float = 0.2
     """[m/s] Largest error velocity of an ensemble's mean."""
     closure: float = 0.1

@@ -44,8 +44,7 @@ class ReadOptions:
     cache: Path | None = None
     """Folder of cache files; only for importers with `takes_cache`."""
     mapping: Path | str | None = None
-    """Meaning of the columns, as a file or by a shipped name; only for importers with
-    `takes_mapping`."""
+    """Meaning of the columns: a file or a shipped name; importers with `takes_mapping` only."""
     payload: tuple[PayloadSignal, ...] = ()
     """Columns that the user maps to signals of the payload."""
 
@@ -72,8 +71,7 @@ class Importer:
     suffixes: frozenset[str]
     """File endings (lower case, with the dot) that a folder is searched for."""
     marks: frozenset[str]
-    """Names of columns or variables that only such files have; empty only if a mapping gives
-    their meaning."""
+    """Columns or variables that only such files have; empty only if a mapping defines them."""
     period: float
     """[s] Default sampling interval of the store: about half the usual spacing of the logs."""
     read: Reader | str
@@ -139,7 +137,7 @@ class WrongFormat(OtherKind):
         self.why = why
         """Reason why it is of another type, in words."""
         self.some = ", ".join(self.names[:5]) or "nothing"
-        """First names, for the message."""
+        """First five names in the file, for the message."""
         super().__init__(f"{path.name} is of another format; it holds {self.some}")
 
 

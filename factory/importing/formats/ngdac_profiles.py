@@ -113,10 +113,10 @@ def currents_of(
 def reported_currents(
     profiles: Sequence[tuple[float, float, float]], fixes: LoggedFixes
 ) -> dict[str, Channel]:
-    """Currents that the profiles report, at each profile's end and the fixes up to the next end.
+    """Currents that the profiles report, each at its profile's end and the fixes until the next.
 
-    The vehicle knows a current once it has surfaced, where the row of its dive ends: with the
-    profile's last sample, or with a fix after that.
+    A vehicle knows a dive's current only at the surface. The dive's row ends there: at the last
+    sample of the profile, or at a later fix.
 
     Args:
       profiles: as in `currents_of`, of all files.
@@ -146,8 +146,8 @@ ACTUATORS = {
     # the mass turns to starboard for positive angles, ours to port
     "AngPos": ("measured_rotation", "degree", "degree", -1.0),
 }
-"""Channel of the store, its unit, the sensor's own unit if a file declares none, and the sign,
-by the vehicle's sensor."""
+"""By sensor: channel of the store, unit of the channel, unit of the sensor in a file that declares
+none, and sign of the channel relative to the sensor."""
 
 RECKONS = "DeadReckoning"
 """Sensor of a SeaExplorer: 1 where its position is dead-reckoned, 0 at a GPS fix."""
@@ -207,14 +207,14 @@ def fixes_of_track(
 ) -> tuple[LoggedFixes, bool]:
     """Fixes that a track goes through, and True if the track is straight lines between them.
 
-    If hardly a position under water bends the track, it was drawn through the fixes: these are the
-    positions at the surface that bend it. Otherwise the vehicle dead-reckoned, and set the track to
-    a fix while at the surface: the last position before each dive is taken as a fix.
+    A track that less than MOST_BENT of its positions under water bend was drawn through the fixes.
+    The positions at the surface that bend it are then the fixes. Any other track was dead-reckoned
+    by the vehicle and reset at the surface; the last position before each dive is then a fix.
 
     Args:
       depth: [m] at the positions of the track, (samples,).
-      reckons: above 0 where the vehicle dead-reckoned, 0 at a fix, (samples,); if it has both
-        values, it alone decides.
+      reckons: above 0 where the vehicle dead-reckoned, 0 at a fix, (samples,). If both occur, the
+        fixes come from it alone, and the track decides only about the straight lines.
     """
     if len(track) < 3:
         return NO_FIXES, False

@@ -29,10 +29,10 @@ from twin.sensors import DVL_MODES
 GAP = 60.0
 """[s] Longest time between ensembles of one row."""
 SHALLOW, BIN, LEAST_SHARE = 2.0, 50.0, 0.6
-"""[m] Depth below which the report counts kept ensembles, [m] size of its bins, and the share of
-kept ensembles below which it names a bin."""
+"""SHALLOW: [m] depth below which the report counts kept ensembles. BIN: [m] size of its bins.
+LEAST_SHARE: share of kept ensembles below which it names a bin."""
 STEEP, FEW = np.radians(10.0), 30
-"""[rad] Pitch beyond which a hull dives or climbs, and fewest ensembles of a mean."""
+"""STEEP: [rad] pitch of a hull that dives or climbs. FEW: minimum number of ensembles of a mean."""
 SUBJECT = "Doppler log"
 """Subject of the report's lines."""
 

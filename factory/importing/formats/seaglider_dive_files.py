@@ -86,7 +86,7 @@ _CALIBRATION = ("log_C_ROLL_DIVE", "log_C_ROLL_CLIMB", "log_ROLL_CNV")
 _FIX_FLAGS = {fix: f"{fix.replace('gps', 'GPS')}_qc" for fix in _FIXES}
 _FIX_PARTS = {part: f"log_gps_{part}" for part in ("time", "lat", "lon")}
 DILUTION, FLAGS = "log_gps_hdop", "log_gps_qc"
-"""Quality of the three fixes by the receiver and by the basestation, if a file has it."""
+"""Quality of the three fixes. DILUTION: by the receiver. FLAGS: by the basestation, if given."""
 READ = (
     "time", *SAMPLES, "gc_end_secs", *MOVES, *PUMPED, *RECKONED, *NUMBERS, *ADCP,
     *_CALIBRATION, "start_of_climb_time", "trajectory", WAYPOINT,

@@ -23,7 +23,7 @@ from twin.errors import InputError
 ROLL_CNV = 0.02827
 """[deg] Rotation per count that basestations and vehicles' files give for most Seagliders."""
 LEAST_SAMPLES = 20
-"""Fewest samples of a descent or climb that give its centre."""
+"""Minimum number of samples of a descent or climb that give its centre."""
 PITCHED = 5.0
 """[deg] Pitch beyond which a sample belongs to a descent or a climb."""
 
@@ -229,7 +229,7 @@ def seaglider_batteries(
 
 
 START, END = "gps2_time", "gpsE_time"
-"""Columns of the times of the last fix before a dive and the first fix after it."""
+"""Columns of times. START: of the last fix before a dive. END: of the first fix after it."""
 PUMPED = ("gc_st_secs", "gc_pitch_secs", "gc_vbd_secs", "gc_vbd_i", "gc_vbd_volts")
 """Columns of a move: its start [s], duration of pitch and pump [s], current [A] and voltage [V]."""
 GAUGES = ("log_FG_AHR_10V", "log_FG_AHR_24V", "log_FG_AHR_10Vo", "log_FG_AHR_24Vo")

@@ -22,7 +22,7 @@ from twin.records.coordinates import NOMINAL, NOMINAL_WORDS
 from twin.records.schema import VARIABLES
 
 UNKNOWN, OTHER = "unknown", "other"
-"""Licence identifiers for data without a stated licence, and for a licence that hubs do not list"""
+"""Licences of data. UNKNOWN: without a stated licence. OTHER: with one that hubs do not list"""
 KNOWN = frozenset(
     {
         *("apache-2.0", "mit", "bsd-2-clause", "bsd-3-clause", "cc0-1.0"),

@@ -33,8 +33,8 @@ STATE, TRUTH, ACTION, OTHER = (
     "action",
     "other",
 )
-"""Names of the vectors. Policies use the vectors of observations and actions. `other` has signals
-with gaps (NaN between fixes and without lock), and commands to no part, such as setpoints"""
+"""Names of vectors. STATE, ACTION: read by policies. TRUTH: true state. OTHER: signals with gaps
+(NaN between fixes and without lock), and commands to no part, such as setpoints"""
 BY_GROUP = {"measured": STATE, "true": TRUTH, "commanded": ACTION}
 INDICES = {
     "timestamp": "float32", "frame_index": "int64", "episode_index": "int64", "index": "int64",
@@ -167,7 +167,8 @@ def _joined(a: Statistics, b: Statistics) -> Statistics:
 
 VERSION = "v3.0"
 CHUNK, FILE_MB, VIDEO_MB = 1000, 100, 200
-"""LeRobot's limits: files in a folder, megabytes in a data file and in a video file"""
+"""LeRobot's limits. CHUNK: files in a folder. FILE_MB: megabytes in a data file. VIDEO_MB:
+megabytes in a video file"""
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 EPISODES = "meta/episodes/chunk-000/file-000.parquet"
 TASKS, INFO, STATS = "meta/tasks.parquet", "meta/info.json", "meta/stats.json"

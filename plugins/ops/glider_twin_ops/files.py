@@ -278,7 +278,7 @@ def _check(where: str, name: str, value: float) -> None:
 SCIENCE = "science"
 SCIENCE_KEYS = ("seconds", "sensors", "gc")
 LEAST_PART, MOST_PART = 0.05, 4.0
-"""Limits of the samples in a sparser or denser file, as a multiple of those before"""
+"""Samples in a file, relative to those before. LEAST_PART: smallest. MOST_PART: largest"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

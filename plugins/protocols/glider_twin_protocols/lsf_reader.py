@@ -37,11 +37,11 @@ MODEL = "remus"
 GAP = 10.0
 """[s] Gap between two samples above which the vehicle was off and a new row begins"""
 GRAVITY, FAR = 9.81, 0.2
-"""[m s-2] Gravity, and the largest relative difference of a median specific force from it"""
+"""[m s-2] GRAVITY. FAR: [1] largest relative difference of a median specific force from it"""
 PING = 0.5
 """[s] Time within which velocities belong to one ping, for a log without two distinct times"""
 VALID_POSITION, MEASURED = 0x0004, (0, 1)
-"""GpsFix: validity bit of a position; types that are measurements (standalone, differential)"""
+"""GpsFix. VALID_POSITION: bit of `validity`. MEASURED: measured types (standalone, differential)"""
 VELOCITY = {"x": 0x01, "y": 0x02, "z": 0x04}
 """Validity bit of each component of a velocity"""
 

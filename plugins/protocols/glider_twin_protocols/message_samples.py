@@ -126,7 +126,7 @@ FIELDS = {"Q": "Q", "B": "B", "f": "f", "c": "h", "C": "H", "L": "i", "I": "I", 
           "b": "b", "n": "4s", "N": "16s", "Z": "64s"}  # fmt: skip
 """Letters for `struct` by ArduPilot's letters for field types."""
 WEEK, LEAP = 604_800.0, 18.0
-"""[s] A week; leap seconds between GPS time and UTC."""
+"""[s] WEEK: a week. LEAP: leap seconds between GPS time and UTC."""
 GPS_ZERO = 315_964_800.0
 """[s] Unix time of GPS time zero, 1980-01-06."""
 

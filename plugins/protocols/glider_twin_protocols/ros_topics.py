@@ -27,7 +27,7 @@ TRUE = "_true"
 GROUPS = {"true": "truth", "measured": "measured", "commanded": "commanded"}
 """Namespace by the first word of a signal"""
 SURFACE_PRESSURE, PASCAL = 101_325.0, 1e4
-"""[Pa] Air pressure, which FluidPressure includes and stores do not; [Pa] one dbar"""
+"""[Pa] SURFACE_PRESSURE: of air; only FluidPressure includes it. PASCAL: one dbar"""
 SI = {
     "degree": ("rad", np.pi / 180.0),
     "degree s-1": ("rad s-1", np.pi / 180.0),

@@ -249,7 +249,7 @@ def test_help_of_an_option_is_wrapped_to_its_box_and_not_at_the_lines_of_the_sou
     assert parse_options(twin_simulate.load(), prog="twin simulate", words=["--help"]) is None
     lines = [line.strip("│ ") for line in capsys.readouterr().out.splitlines()]
     begin = next(i for i, line in enumerate(lines) if line.startswith("--density"))
-    assert lines[begin + 1].startswith("hull is), constant, thermocline")
+    assert lines[begin + 2].startswith("salinity of the current's file), or a CSV file")
 
 
 @every_program

@@ -48,7 +48,7 @@ class Level(Segment):
     """The vehicle rises above its depth if the sea floor comes nearer than this [m]; None: it never
     does."""
     min_depth_m: float = SHALLOWEST_M
-    """Least depth [m] of a leg at an altitude."""
+    """Smallest depth [m] of a leg at an altitude."""
     speed_m_s: float | None = None
     """Speed through the water [m/s]; None: the vehicle's cruising speed."""
     max_pitch_deg: float = MAX_PITCH_DEG

@@ -26,7 +26,7 @@ from twin.vehicle.vehicle import Vehicle
 DEFAULT_MIN_DEPTH_M = 5.0
 """[m] Default upper turning depth, so that inflections (2 m for the Sea-Wing) stay submerged."""
 SHALLOWEST_M = 1.0
-"""[m] Least upper turning depth: above it, the hull would surface before its CB arrives."""
+"""[m] Smallest upper turning depth: above it, the hull would surface before its CB arrives."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,7 @@ from twin.numbers import Array
 from twin.vehicle.vehicle import Vehicle
 
 DEGREES, METRES = ("latitude", "longitude"), ("north_m", "east_m")
-"""Keys of a target: geographic, or metres from the origin of the mission's frame."""
+"""Keys of a target. DEGREES: geographic. METRES: from the origin of the mission's frame."""
 RENEWALS = ("at-surfacing", "continuously")
 POSITIONS = ("dead-reckoned", "true")
 CURRENTS = ("estimated", "none")

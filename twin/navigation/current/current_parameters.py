@@ -46,7 +46,7 @@ CONSTITUENTS = {
 STRONGEST = {"semidiurnal": "M2", "diurnal": "K1"}
 """Strongest constituent of each species; the others' amplitudes are relative to it."""
 RAYLEIGH = 0.5
-"""[1] Least difference of two constituents, in cycles per record, to separate them. Harmonic
+"""[1] Smallest difference of two constituents, in cycles per record, to separate them. Harmonic
 analysis needs 1, a filter with priors half of that (Pugh and Woodworth 2014, chapter 4)."""
 
 
@@ -188,7 +188,8 @@ Oceanogr. 6; Pollard and Millard 1970, Deep-Sea Res. 17, for 1 to 10 days of ine
 
 
 FIELD, FIELD_SPREAD, MOST_FIELD = 1.0, 0.5, 2.0
-"""[1] Weight of a forecast field: prior mean, prior standard deviation, and upper limit"""
+"""[1] Weight of a forecast field. FIELD: prior mean. FIELD_SPREAD: prior standard deviation.
+MOST_FIELD: upper limit"""
 
 
 def parameters_of(logarithms: Array, constituents: Sequence[str]) -> CurrentParameters:
@@ -213,8 +214,8 @@ def prior_cost(logarithms: Array) -> float:
 
 
 POSITION, CALIBRATION, DIVE = slice(0, 2), slice(2, 4), slice(4, 6)
-"""Slices of the state: position north, east [m]; relative error of the speed [1] and offset of the
-compass [rad]; error of the current dive, north and east [m/s]"""
+"""Slices of the state, north and east. POSITION: [m]. DIVE: [m/s] error of the current dive.
+CALIBRATION: relative error of the speed [1] and offset of the compass [rad]"""
 MODES = 6
 """Index of the first mode's north component in the state"""
 

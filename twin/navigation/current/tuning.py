@@ -40,12 +40,12 @@ from twin.navigation.current.modes import Innovation
 from twin.numbers import Array
 
 MOST_STEPS = 30
-"""Most iterations of the search; a few dozen dives make the likelihood flat beyond this"""
+"""Maximum number of search steps; after them, some dozen dives hardly raise the likelihood."""
 FEWEST = 8
-"""Fewest legs of one record for fitting all parameters. With as many legs in all records together,
-the scale and `dive` are fitted; with fewer, only the scale. Other parameters keep the prior."""
+"""Minimum number of legs of one record for fitting all parameters. With as many legs in all
+records, the scale and `dive` are fitted; with fewer, the scale. Other parameters keep the prior."""
 WANDER, WANDER_SPREAD = 0.14, 1.0
-"""[m/s] Prior of persistence's `wander` in a day, [1] standard deviation of its logarithm"""
+"""Prior of persistence's `wander`. WANDER: [m/s] in a day. WANDER_SPREAD: [1] of its logarithm"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -59,7 +59,7 @@ SHORT_LOSS_S = 10.0
 CURRENT_TIME_S = 600.0
 """[s] Averaging time of the current found in bottom lock."""
 LEAST_WATER_SHARE = 0.5
-"""[1] Least fraction of samples in water lock for a velocity through the water"""
+"""[1] Smallest fraction of samples in water lock for a velocity through the water"""
 
 
 class Dvl(WindowedEstimator):
@@ -178,8 +178,7 @@ def _velocities(signals: Signals) -> Array:
 
 
 def _filled(values: Array, valid: Mask, fallback: Array | None, period: float) -> Array:
-    """Fill outliers and short losses by interpolation, the rest from `fallback`, or NaN without
-    it."""
+    """Interpolate outliers and short losses; fill the rest from `fallback`, or with NaN."""
     valid = valid & ~spikes(values, valid)
     index = np.arange(len(values))
     rest = np.full(len(values), np.nan) if fallback is None else fallback

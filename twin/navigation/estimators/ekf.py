@@ -82,8 +82,7 @@ class EkfNoise:
     depth: float = 0.01
     """[m] Depth sample: noise and quantisation of the transducer."""
     kinematic: float = 5e-4
-    """[m/sqrt(s)] Drift between depth and integrated vertical velocity: attitude errors, internal
-    waves."""
+    """[m/sqrt(s)] Drift of integrated vertical velocity from depth: attitude errors, waves."""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):

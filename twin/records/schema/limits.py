@@ -102,7 +102,7 @@ def quantity(name: str) -> LimitedQuantity:
 PRESSURE_RATIO = 0.98, 1.08
 """[dbar/m] Lowest and highest ratio of pressure to depth in any ocean, TEOS-10 to 11 km"""
 RATIO_DEPTH = 20.0
-"""[m] Least depth at which that ratio is checked; shallower, pressure offsets dominate."""
+"""[m] Smallest depth at which that ratio is checked; shallower, pressure offsets dominate."""
 FASTEST_DEPTH = 5.0
 """[m/s] Highest vertical speed of a glider; a faster change of depth is a fault."""
 

@@ -97,8 +97,7 @@ class FileSum(NamedTuple):
 
 
 def file_sum(path: Path) -> FileSum:
-    """Compute size and hash of a file of this machine; raises OSError, or OddFile for a file that
-    is not regular."""
+    """Compute size and hash of a local file; raises OSError, or OddFile if not regular."""
     check_regular(path)
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()

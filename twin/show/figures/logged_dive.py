@@ -22,9 +22,9 @@ DEPTH_HEIGHT = 1.7  # [in] height of the panel that spans the page
 RATE_WINDOW = 20.0
 """[s] Window of the vertical velocity: pressure steps vanish, inflections stay"""
 UNDER_WATER = 2.0
-"""[m] Least depth of the samples that set the axes; above it waves roll and pitch the vehicle."""
+"""[m] Smallest depth of samples that set the axes; above it, waves roll and pitch the vehicle."""
 SHOWN, MARGIN = (0.3, 99.7), 0.08
-"""Percentiles of the samples under water that an axis covers; margin as a fraction of the axis"""
+"""SHOWN: percentiles under water that an axis covers. MARGIN: as a fraction of the axis"""
 LOG, TWIN = "log", "twin"  # labels of the lines where both are drawn
 
 
@@ -35,7 +35,7 @@ class Panel(NamedTuple):
     title: str
     unit: str
     least: float = 0.0
-    """Least span of the axis, in the shown unit, so that noise stays small."""
+    """Smallest span of the axis, in the shown unit, so that noise stays small."""
     factor: float = 1.0
     circular: bool = False
 

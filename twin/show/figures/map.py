@@ -33,8 +33,8 @@ ROUND_SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 """[m/s] Speeds among which the key's arrow is chosen"""
 ARROW: dict[str, Any] = {"angles": "uv", "scale_units": "inches", "width": 0.011, "units": "inches"}
 LOCATOR, LOCATOR_LEAST, LOCATOR_MOST = 16.0, 8.0, 90.0
-"""Height of the small locator map: least ratio to the map's height; least and most [degree of
-latitude], between which the locator grows until it shows a coast"""
+"""Height of the small locator map. LOCATOR: smallest ratio to the map's height. LOCATOR_LEAST,
+LOCATOR_MOST: [degree of latitude] limits between which it grows until it shows a coast"""
 LETTERS = 24  # characters of a line in the key
 LOCATOR_ID, KEY_ID = "locator", "key"  # names of the axes beside a map, whose numbers need no unit
 

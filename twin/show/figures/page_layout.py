@@ -39,7 +39,7 @@ DPI = 200
 INDEX, PICTURE = "index.html", ".png"
 SHORT = 16  # most characters of a text cell that stays on one line
 LETTERS_PER_INCH, LINE_HEIGHT, FONT_SIZE = 13.0, 0.16, 7.5
-"""Captions: characters per inch (a low estimate), line height [in] and font size [point]"""
+"""Captions. LETTERS_PER_INCH: a low estimate. LINE_HEIGHT: [in]. FONT_SIZE: [point]"""
 MINUTES = "%Y-%m-%d %H:%M"  # format of a date and time in figures
 
 

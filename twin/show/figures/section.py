@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 FLOOR_IN_SIGHT = 1.5
 """Limit of the depth axis, as a multiple of the deepest point; a deeper sea floor is not shown"""
 HEIGHTS, PANEL_HEIGHT = (1.9, 2.75), 0.87
-"""[in] Heights of section and track in an overview, and of each signal below them"""
+"""[in] HEIGHTS: of section and track in an overview. PANEL_HEIGHT: of each signal below them"""
 LEGEND_COLUMNS = 4  # columns of the names of dead-reckoned tracks
 
 

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 STACK_HEIGHT = 1.0  # [in] height of one panel in a stack that shares its time axis
 HEADING_STEPS, MOST_TICKS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0), 4
-"""[degree] Steps between ticks of a heading, and most steps on an axis"""
+"""HEADING_STEPS: [degree] between ticks of a heading. MOST_TICKS: maximum number of steps"""
 UNIT_TEXT = {
     "degree": "°", "m s-1": "m/s", "m s-2": "m/s²", "rad s-1": "rad/s", "cm3": "cm³",
     "kg m-3": "kg/m³", "degree_Celsius": "°C",

@@ -25,16 +25,16 @@ Array = NDArray[np.float64]
 
 MARKS = {"start": (0, "o"), "end": (-1, "s")}  # sample and marker of a track's ends
 MOST_COLUMNS, LONG_NAME = 3, 14
-"""Columns of a legend at column width; a track's name of this length takes a column away"""
+"""MOST_COLUMNS: of a legend at column width. LONG_NAME: length of a name that takes one away"""
 ABOVE_LEGEND = 18.0  # [point] gap between title and axes, for the legend of start and end
 LEGEND_ROW = 0.16  # [in] height of a legend's row
 VIEW_ELEVATION, VIEW_AZIMUTH = 24, -58  # [degree] direction from which the box is seen
 BOX, ZOOM = (1.25, 1.25, 0.9), 0.92
-"""Relative sides of the box (east, north, depth), and its zoom, below 1 so that no label is cut"""
+"""BOX: relative sides (east, north, depth). ZOOM: below 1, so that no label is cut"""
 TICKS = 4
 PANE = (0.97, 0.98, 0.99, 1.0)  # colour of the box's walls
 BOTTOM, RIGHT = 0.02, 0.94
-"""Edges of the axes as fractions of the figure; the depth label reaches beyond the right edge"""
+"""Edges of the axes as fractions of the figure. The depth label reaches beyond the right edge."""
 BLANK = 0.15  # fraction of the axes' height that stays blank above such a flat box
 LEGEND: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (0.02, 0.99), "columnspacing": 1.0}
 """Options that place `figure.legend`"""

@@ -27,15 +27,16 @@ NOMINAL_LATITUDE = 45.0  # [degree] latitude for the pressure of a mission witho
 MOST_BINS, BIN_LEAST = 40, 1.0  # most depth bins of the mean profile, and least height [m] of a bin
 MOST_POINTS = 12_000
 LEAST_SPAN, MARGIN = (0.05, 0.5), 0.07
-"""[g/kg], [degree_Celsius] Least spans of the axes, so that noise stays small; relative margin"""
+"""LEAST_SPAN: [g/kg], [degree_Celsius] smallest spans of the axes, so that noise stays small.
+MARGIN: margin relative to the span"""
 GRID = 80
 LEVELS, MOST_LEVELS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0), 9
-"""[kg/m3] Steps between lines of density, and most lines"""
+"""LEVELS: [kg/m3] steps between lines of density. MOST_LEVELS: maximum number of lines"""
 COVERED = 0.05, 99.95  # percentiles that the axes cover: single spikes of a CTD lie outside
 PANELS = (("temperature", "[°C]"), ("salinity", "[PSS-78]"))
 PANEL_HEIGHT, WIDTH = 1.75, 5.4  # [in]
 NARROW, WIDE = 2.0, 4.5
-"""[point] Least and largest side of the dots; a section of few profiles has wider dots"""
+"""[point] Smallest and largest side of the dots. A section of few profiles has wider dots."""
 UNEXPLAINED = 0.5
 """[1] Largest fraction of a current's variance beside its mean profile in a figure over depth"""
 SHOWN_PERCENTILES = 1.0, 99.0  # percentiles that the colours cover

@@ -27,7 +27,7 @@ HEIGHT_RATIO = {"orbit": 0.30, "side": 0.46, "map": 0.30}
 the aspect WIDESCREEN; a taller picture gets a taller block."""
 WIDESCREEN = 16 / 9
 WIDTH_RATIO = {"orbit": 0.28, "side": 0.28, "map": 0.55, "chase": 0.28}
-"""Least width / length of the block, so that a straight track has a body of water around it."""
+"""Smallest width / length of the block, so that a straight track has a body of water around it."""
 MARGIN = 0.07  # margin around the track / its length
 BELOW = 0.12  # height of the water below the deepest point / depth of this point
 LEAST_DEPTH, LEAST_LENGTH = 5.0, 12.0  # [m] least depth and length of the block
@@ -36,13 +36,13 @@ VIEW_MARGIN = 1.25  # approximate width of the view / length of the block: sets 
 SIDE_SHARE = 0.04  # free margin on each side without a HUD / size of the picture
 
 NARROW, WIDE = math.radians(14.0), math.radians(24.0)
-"""[rad] Half of the vertical field of view of the framed cameras, and of the chase camera."""
+"""[rad] Half of a vertical field of view. NARROW: framed cameras. WIDE: chase camera."""
 ORBIT_ELEVATION, SIDE_ELEVATION = math.radians(24.0), math.radians(9.0)
 ORBIT_SWEEP = math.radians(110.0)  # [rad] sweep of the orbit camera in a video, about the broadside
 ORBIT_STILL = math.radians(32.0)  # [rad] bearing of a still from the broadside view
 CHASE_DISTANCE = 4.1  # [m] distance of the chase camera from the glider
 CHASE_BEARING, CHASE_ELEVATION = math.radians(142.0), math.radians(16.0)
-"""[rad] Direction of the chase camera from the glider: from the bow to starboard, and up"""
+"""[rad] Chase camera from the glider. CHASE_BEARING: bow to starboard. CHASE_ELEVATION: up"""
 CHASE_HEIGHT = CHASE_DISTANCE * math.sin(CHASE_ELEVATION)
 """[m] Height of the chase camera above the glider"""
 CHASE_LAG = 1.2  # [s of video] time constant with which the chase camera follows a turn

@@ -31,11 +31,11 @@ FREE = {"bottom": 42, "top": 72, "left": 0.075, "right": 0.245}
 """Margins that framing keeps free: bottom (distances, above the strip) and top (title) in pixels of
 the base picture; left (depths) and right (close-up and legend) as fractions of its width"""
 INSET_WIDTH, INSET_ASPECT = 0.217, 1.43
-"""Width of the close-up as a fraction of the picture's; its width divided by its height"""
+"""Close-up. INSET_WIDTH: as a fraction of the picture's width. INSET_ASPECT: width over height"""
 CURVE_SHARE = 0.22  # width of the depth curve as a fraction of the picture's
 NAME_TOP, VALUE_TOP, NOTES_TOP, COMPASS_TOP = 15, 34, 14, 82
-"""[pixel of the base picture] Distances from the strip's top to the readouts' names and values, and
-from the picture's top to the notes and the compass"""
+"""[pixel of the base picture] NAME_TOP, VALUE_TOP: readouts below the strip's top. NOTES_TOP,
+COMPASS_TOP: below the picture's top"""
 TITLE, VALUE, NAME, LABEL, LEGEND = 19, 25, 16, 17, 16
 """Font sizes [pixel of a BASE_WIDTH x BASE_HEIGHT picture]"""
 SMALLEST_FONT = 8  # [pixel] smallest legible font size
@@ -59,7 +59,7 @@ OTHER_TRACKS = tuple(np.array([
 water is blue and dark and the true track has warm hues. White, the colour of the current's arrows,
 comes last."""
 WHITE, DIM, INK = (255, 255, 255), (158, 188, 208), (6, 16, 28)
-"""Colours of text, labels and background of the strip, 0 to 255"""
+"""Colours from 0 to 255. WHITE: text. DIM: labels. INK: background of the strip"""
 _FILES = {False: "DejaVuSans.ttf", True: "DejaVuSans-Bold.ttf"}
 CACHE = 4096  # most cached words and letters; a long video has as many different numbers
 HALO_SHARE = 14  # font size / width of its halo

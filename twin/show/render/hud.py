@@ -20,7 +20,7 @@ from twin.show.render.stage import Stage
 
 STRIP_ALPHA, LEGEND_ALPHA = 0.66, 0.45
 BAR, ROW = (190, 11), 20
-"""Width and height of the colour bar, and height of a legend's row [pixel of the base picture]"""
+"""[pixel of the base picture] BAR: colour bar's width, height. ROW: height of a legend's row"""
 LEGEND_SHARE = 0.32  # largest width of the legend / picture's width; a wider one is left out
 LEAST_ROW = 1.35  # least height of a legend's row, as a multiple of its font size
 EDGE, CURVE, CURSOR = (120, 190, 215, 150), (200, 226, 238, 255), (255, 150, 60)

@@ -19,7 +19,7 @@ from twin.records.trajectory import Trajectory, actuator_names
 from twin.show.render.camera import Array, nice_step
 
 SLIDES, TURNS, SPINS = "m", "degree", "rad s-1"
-"""Units of parts that slide on a rail, turn to an angle, and spin"""
+"""Units of parts. SLIDES: that slide on a rail. TURNS: that turn to an angle. SPINS: that spin"""
 DISPLACES = "cm3"  # unit of parts that change the volume
 POSITION = ("north", "east", "depth")  # signals without which nothing can be drawn
 ATTITUDE = ("roll", "pitch", "heading")

@@ -27,11 +27,11 @@ ARROWS = 11  # approximate number of arrows of a mast
 LENGTH_SHARE = 0.11  # length of the strongest current's arrow over the block's length
 THICKNESS_SHARE = 0.0028  # radius of an arrow's shaft over the block's length
 LADDER_LENGTH, LADDER_RADIUS = 1.0, 0.03
-"""[m] Length of the strongest current's arrow beside the glider, and radius of the arrows there"""
+"""[m] Arrows beside the glider. LADDER_LENGTH: of the strongest. LADDER_RADIUS: of all"""
 LADDER_STEP, LADDER_REACH = 1.0, 2.6
-"""[m] Distance between the arrows beside the glider, and their reach above and below the glider"""
+"""[m] LADDER_STEP: between the arrows. LADDER_REACH: of the arrows above and below the glider"""
 LADDER_SLOTS = math.floor(2 * LADDER_REACH / LADDER_STEP) + 1
-"""Most arrows beside the glider at one time"""
+"""Maximum number of arrows beside the glider at one time"""
 LADDER_OFFSET = (0.2, -3.0)  # [m] start of these arrows ahead and to starboard of the glider
 STILL = 1e-4  # [m/s] speed below which water counts as still
 

@@ -18,32 +18,32 @@ from twin.show.render.shapes import DRIFT, LEVEL, SEABED, SUN, WORLD, Props, Sha
 from twin.water.floor.lookup import floor_depths
 
 OPEN_BANDS, BANDS, WALL_BANDS = 256, 96, 96
-"""Steps of the colour gradients of open water, of the backdrop around a block and behind the
-close-up, and of walls: too fine to be seen"""
+"""Steps of colour gradients, too fine to be seen. OPEN_BANDS: open water. BANDS: backdrop around a
+block and behind the close-up. WALL_BANDS: walls"""
 REACH = 70.0
 """[m] Visible distance straight up or down through the water: sets the backdrop's gradient"""
 OPEN_RADIUS = 700.0  # [m] radius of the chase camera's backdrop
 RELIEF, CELLS, CHART_CELLS = 26, 96, 200
-"""Grid cells along each side: of decorative relief and waves, of a sea floor, and of the map's
-floor, whose colour edges are visible"""
+"""Grid cells along each side. RELIEF: decorative relief and waves. CELLS: sea floor. CHART_CELLS:
+the map's floor, whose colour edges are visible"""
 RELIEF_SHARE = 0.05  # largest height of the floor's relief / depth of the block
 SHADOW_LIFT, SHADOW_WIDTH = 0.03, 0.1
-"""[display units] Height of a shadow above the ground, and width of the shadow"""
+"""[display units] SHADOW_LIFT: height of a shadow above the ground. SHADOW_WIDTH: its width"""
 WAVE_SHARE = 0.0035  # height of the drawn waves / length of the block
 OPEN_FADE, FADES = 90.0, 48
-"""[m] Distance at which surface and floor fade out for the chase camera; number of fading rings"""
+"""OPEN_FADE: [m] distance at which surface and floor fade out. FADES: number of fading rings"""
 SNOW_BOX, SNOW_COUNT, SNOW_SIZE = 14.0, 260, 0.010
-"""Cube of drifting particles that show motion: side [m], number, radius [m]; our choice"""
+"""Drifting particles in a cube show motion. SNOW_BOX: [m] its side. SNOW_SIZE: [m] radius"""
 IN_SIGHT = 2.0
 """Largest depth of a block with a sea floor, as a multiple of its depth without one: a dive to
 100 m above an abyss stays visible"""
 FLOOR_MARGIN = 1.04  # depth of the block, as a multiple of the deepest floor in it
 CHART_BANDS = 14  # steps of the map's colours
 SHADED, LIT = 0.95, 0.18
-"""Relative depths in the water palette, 0 to 1, of the two ends of the map's floor colours"""
+"""Ends of the map's floor colours, as relative depths in the water palette"""
 SEEN_FROM = 70.0  # [m] altitude from which the chase camera no longer sees the floor
 ABOVE, PALE = np.array([0.10, 0.42, 0.55]), np.array([0.9, 0.97, 1.0])
-"""Colours of the surface seen from above, and of lines"""
+"""Colours. ABOVE: of the surface seen from above. PALE: of lines"""
 
 
 def backdrop_radius(layout: SceneLayout) -> float:

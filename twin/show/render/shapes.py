@@ -23,10 +23,10 @@ GLIDER_GROUPS = (1, 2)  # outside and inside of the glider
 WORLD, WATER, LEVEL, SEABED, DRIFT = "world", "water", "level", "seabed", "drift"
 """Bodies to which the scene's geoms are attached"""
 AMBIENT, HEADLIGHT, SUN = 0.36, 0.40, 0.58
-"""Intensities of ambient light, light from the camera and light from above; 1 is full light"""
+"""Intensities of light; 1 is full. HEADLIGHT: from the camera. SUN: from above"""
 SAMPLES = 4  # samples per pixel against jagged edges
 SLICES, STACKS = 24, 6
-"""Facets of round geoms around and along; more facets cost CPU time without visible gain"""
+"""Facets of round geoms. SLICES: around. STACKS: along. More cost CPU time without visible gain."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

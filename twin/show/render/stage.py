@@ -26,7 +26,7 @@ from twin.vehicle.vehicle import Vehicle
 
 RADIUS, CHASE_RADIUS = 0.055, 0.020  # [display units] radius of the true track; the hull has 0.11
 OTHER_SHARE, FUTURE_SHARE = 0.6, 0.28
-"""Radius of other tracks, and of the track not flown yet, as fractions of the true track's"""
+"""Radius over the true track's. OTHER_SHARE: of other tracks. FUTURE_SHARE: of the track to come"""
 SNOW_FASTEST = 12.0  # largest speed-up with particles, which would only flicker beyond
 
 

@@ -35,13 +35,13 @@ KEYS = (
 FASTER = 2.0  # factor of the speed-up for one key press
 JUMP = 0.02  # fraction of the mission that an arrow key skips
 FOLLOW_DISTANCE, FOLLOW_ELEVATION = 9.0, -18.0
-"""Distance [display units] and elevation [degree] of the camera that follows the glider"""
+"""Camera behind the glider. FOLLOW_DISTANCE: [display units]. FOLLOW_ELEVATION: [degree]"""
 CLOSING = 5.0  # [s] longest wait for the window to close
 MARGIN = 1.12
 """Distance of the camera as a multiple of the least that shows all: the window may be narrow"""
 REFRESH = 60.0  # [1/s] largest frame rate
 MOVED = 0.02
-"""[display units] Least change of a mesh that is sent to the viewer: each update costs a frame"""
+"""[display units] Smallest change of a mesh that the viewer receives; each update costs a frame"""
 
 
 class Window:

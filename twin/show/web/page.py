@@ -36,7 +36,7 @@ SCRIPTS = ("record", "marks", "space", "strip", "renderer", "track", "bodies", "
 """Names of the scripts, in order: each uses names of earlier scripts when it is loaded"""
 STOPS = 48  # number of colours of the scale between which the page blends
 PLACE_STEP, NORMAL_STEP, DEPTH_STEP = 1e-4, 0.01, 0.1
-"""Rounding steps of the vehicle's corners [m], of normals [1] and of the floor's depths [m]"""
+"""Rounding steps. PLACE_STEP: [m] corners. NORMAL_STEP: [1] normals. DEPTH_STEP: [m] floor"""
 CURRENT = ("current_north", "current_east")
 ARROW_SHARE = 0.13  # length of the strongest current's arrow over the block's, as in scene.js
 TRACK_ROWS = 12_000  # most rows of all dead-reckoned tracks together

@@ -34,14 +34,14 @@ from twin.show.web.page import describe, pack_channels, scale_share
 HOST = "127.0.0.1"  # this machine only
 NAMES = (HOST, "localhost")
 PORT, PORTS = 8080, 100
-"""First port that is tried by default, and the number of ports that are tried"""
+"""PORT: first port that is tried by default. PORTS: number of ports that are tried"""
 STRANGERS = 16
-"""Most waiting connections that have not shown the key; a further one ends the oldest"""
+"""Maximum number of waiting connections that have not shown the key; one more ends the oldest."""
 SILENCE = 10.0  # [s] time without a byte in either direction after which a connection ends
 FIRST = 2  # number of samples with which the page begins
 LONGEST, SLICE = 0.5, 200
-"""[s] Longest computing time of one answer, however fast the page plays the mission; and most steps
-between two readings of the clock"""
+"""LONGEST: [s] longest computing time of one answer, however fast the page plays the mission.
+SLICE: maximum number of steps between two readings of the clock"""
 
 
 class PageServer(ThreadingHTTPServer):
@@ -49,7 +49,7 @@ class PageServer(ThreadingHTTPServer):
 
     daemon_threads = True
     request_queue_size = 128
-    """Most pending connections; the system delays further ones by seconds."""
+    """Maximum number of pending connections; the system delays further ones by seconds."""
 
     def __init__(self, port: int | None = None):
         """

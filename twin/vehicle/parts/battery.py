@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from twin.vehicle.mjcf import MjcfReader
 
 SHIFT, TRAVEL = (0.008, 0.03), 0.05
-"""[m] Range of commands that a random manoeuvre samples for a slide with this travel [m]."""
+"""[m] SHIFT: range of commands of a random manoeuvre, for a slide with this TRAVEL."""
 ROTATION = 60.0
 """[deg] Largest rotation that a random manoeuvre samples."""
 

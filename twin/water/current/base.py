@@ -24,7 +24,7 @@ from twin.water.current.axes import Origin
 from twin.water.current.sampler import Floats, kinds
 
 TABLE, TABULATED = "table", "twin.water.current.tabulated"
-"""Type of a tabulated function, and the module of that type, which imports this one."""
+"""TABLE: type of a tabulated function. TABULATED: its module, which imports this one."""
 HELP_COLUMN = 42
 """Column of `current_help` at which explanations begin, behind any shorter example."""
 FILE = re.compile(r"\.[A-Za-z]\w*\s*(,|$)|[/\\]")
@@ -402,8 +402,7 @@ def parse_field(text: str) -> Current:
 
 
 def check_field(text: str) -> None:
-    """Check the text of `parse_field` without opening its files, which may not exist yet; raises
-    CurrentError."""
+    """Check the text of `parse_field`, but open no file; raises CurrentError."""
     if not FILE.search(text):  # no file name
         parse_current(text)
         return

@@ -35,7 +35,7 @@ AXIS_ORDER = ("time", "depth", "latitude", "longitude")
 """Order of a box's axes."""
 
 WET_START = 0.5
-"""Least weight of wet nodes among the four around the start; below it the start is on land."""
+"""Smallest weight of wet nodes among the four around the start; below it the start is on land."""
 
 NANOSECONDS = 1e9
 """[ns/s] Nanoseconds per second, for datetime64[ns]."""

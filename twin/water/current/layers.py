@@ -15,14 +15,14 @@ from twin.water.current.checks import not_negative, positive, setting, speed
 from twin.water.current.sampler import Floats
 
 LOWEST_LATITUDE = 2.0
-"""[degree] Least latitude of an Ekman layer; nearer to the equator f is too small for a balance."""
+"""[degree] Smallest latitude of an Ekman layer; nearer to the equator, f is too small."""
 VON_KARMAN = 0.41
 """Von Karman's constant."""
 
 
 @borrowing
 def spiral(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
-    """Payload: surface speed, 1/depth scale, surface angle from north, sense (+1 N, -1 S)."""
+    """Ekman. Numbers: surface speed, 1 / depth scale, surface angle from north, latitude's sign."""
     inverse = program[start + 1]
     decay = program[start] * math.exp(-depth * inverse)
     angle = program[start + 2] + program[start + 3] * depth * inverse
@@ -69,7 +69,7 @@ class Ekman(Current):
         return replace(self, latitude_deg=(origin or Origin()).latitude(self.latitude_deg))
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """Make one record."""
+        """Make the record that the compiled function reads."""
         latitude = origin.latitude(self.latitude_deg)
         if abs(latitude) < LOWEST_LATITUDE:
             raise CurrentError(
@@ -87,7 +87,7 @@ class Ekman(Current):
 
 @borrowing
 def shear(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
-    """Payload: barotropic north, east; baroclinic surface north, east; 1/scale depth."""
+    """Geostrophic. Numbers: barotropic north, east; surface baroclinic north, east; 1 / scale."""
     inverse = program[start + 4]
     decay = math.exp(-depth * inverse)
     v_north = program[start + 2] * decay
@@ -127,7 +127,7 @@ class Geostrophic(Current):
     """[degree] Compass direction TOWARD which the barotropic part flows; None: `direction_deg`."""
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """Make one record."""
+        """Make the record that the compiled function reads."""
         sheared = math.radians(self.direction_deg)
         other = self.barotropic_direction_deg
         constant = sheared if other is None else math.radians(other)
@@ -143,7 +143,7 @@ class Geostrophic(Current):
 
 @borrowing
 def wall_layer(program, start, size, t, north, east, depth, r_t, r_n, r_e, r_d):  # type: ignore[no-untyped-def]
-    """Payload: (u*/kappa) north, east; water depth; roughness length; layer thickness."""
+    """Log layer. Numbers: u*/kappa north, east; depth of the floor; roughness; thickness."""
     height = program[start + 2] - depth
     rate = 0.0
     if height <= program[start + 3]:
@@ -179,7 +179,7 @@ class LogLayer(Current):
     direction_deg: float = setting("direction", unit="degree")
     """[degree] Compass direction TOWARD which the water flows."""
     water_depth: float = setting("bottom", unit="m", check=positive)
-    """[m] Water depth at the bottom."""
+    """[m] Depth of the sea floor."""
     roughness: float = setting("roughness", unit="m", check=positive, default=1e-3)
     """[m] Roughness length z0; 1e-4 mud to 6e-3 gravel (Soulsby 1997)."""
     thickness: float = setting("thickness", unit="m", check=positive, default=20.0)
@@ -196,7 +196,7 @@ class LogLayer(Current):
         speed(self.kind, "speed at the layer's top", top)
 
     def records(self, duration_s: float, origin: Origin) -> list[Floats]:
-        """Make one record."""
+        """Make the record that the compiled function reads."""
         angle = math.radians(self.direction_deg)
         scale = self.friction_velocity / VON_KARMAN
         along = scale * math.cos(angle), scale * math.sin(angle)

@@ -30,7 +30,7 @@ TAKEN = ("none", "sum", "table")
 """Words that descriptions and texts reserve, so that no type may have them."""
 POINTS = 48
 FARTHEST, DEEPEST = 30_000.0, 1000.0
-"""[m] Largest distance from the start, and largest depth, of the test points."""
+"""[m] Test points. FARTHEST: largest distance from the start. DEEPEST: largest depth."""
 STEPS = ((0.1, 1e-3, 10.0), (0.1, 1e-3, 10.0), (0.1, 1e-3, 10.0), (0.1, 1e-3))
 """[s, m, m, m] Steps of differences in time, north, east and depth. One step must agree: short
 ones suffer from rounding and long ones from curvature."""

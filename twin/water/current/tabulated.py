@@ -31,7 +31,7 @@ INTERVALS = 8
 CHECKED = 500
 """Number of random places at which the table is compared with the function."""
 MOST_NODES = 20_000
-"""Most nodes of a table, because a store holds the table with each mission."""
+"""Maximum number of nodes of a table, because a store holds the table with each mission."""
 
 
 @dataclass(frozen=True, kw_only=True)

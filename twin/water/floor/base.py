@@ -17,7 +17,7 @@ from twin.water.floor.lookup import pack
 SPEED = 1.5
 """[m/s] Speed over ground that no vehicle here exceeds over a mission; it sizes the table."""
 LARGEST = 4_000_000
-"""Most nodes of a table (32 MB), because the simulation's model holds a copy."""
+"""Maximum number of nodes of a table (32 MB), because the simulation's model holds a copy."""
 DEEPEST_M = 12_000.0
 """[m] Largest depth of a floor; the deepest sea has 10 935 m."""
 HIGHEST_M = 9_000.0
@@ -185,7 +185,7 @@ class RoughFloor(Floor):
     seed: int = 0
     """Seed of the relief, at least 0."""
     shallowest_m: float = 5.0
-    """[m] Least depth; higher parts of the relief are cut off."""
+    """[m] Smallest depth; higher parts of the relief are cut off."""
     deepest_m: float = DEEPEST_M
     """[m] Greatest depth; lower parts of the relief are cut off."""
     reach_m: float | None = None

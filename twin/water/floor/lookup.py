@@ -61,7 +61,7 @@ def floor_depths(table, north, east):  # type: ignore[no-untyped-def]
 
 @borrowing
 def shallowest_depth(table):  # type: ignore[no-untyped-def]
-    """Least depth [m] of a table's nodes, hence of the whole floor."""
+    """Smallest depth [m] of a table's nodes, hence of the whole floor."""
     least = math.inf
     if table.size < HEADER:
         return least

@@ -224,21 +224,21 @@ _MOST = 0.3
 _ONE_VALUE = 0.1
 """Fraction of the samples beyond which a single value, of either sign, is a sentinel."""
 _FEWEST = 100
-"""Fewest values that show a fault in a column that never changes."""
+"""Minimum number of values that show a fault in a column that never changes."""
 _WINDOW = 10.0
 """[s] Averaging time to compare track and velocity: a GPS's metre is then 0.1 m/s."""
 _HOLE = 5.0
 """[s] Longest gap of the velocity in a window that is used."""
 _MOVING = 0.3
-"""[m/s] Least speed that is compared; below it the track's noise dominates."""
+"""[m/s] Smallest speed that is compared; below it the track's noise dominates."""
 _WINDOWS = 5
-"""Fewest windows in a comparison."""
+"""Minimum number of windows in a comparison."""
 SCALE = (0.4, 2.5)
 """Range of track speed / velocity, for a current of half the vehicle's speed, and noise."""
 _CURRENT = 1.5
 """[m/s] Largest difference that a current may cause: stronger ones are rare where vehicles go."""
 _AGREES = 0.5
-"""Least size of the correlation from which the sign of sway is judged."""
+"""Smallest size of the correlation from which the sign of sway is judged."""
 
 
 def check_values(

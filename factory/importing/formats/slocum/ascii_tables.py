@@ -22,14 +22,13 @@ LABEL = b"dbd_label:"
 ASCII = b"DBD_ASC"
 """Label of a file of text; that of a binary file has DBD only."""
 MOST_TAGS = 1000
-"""Most lines of a header and names of segments; a merged file of a deployment has some hundred."""
+"""Maximum number of header lines and segment names; a merged file of a deployment has hundreds."""
 LABELS = 3
 """Default number of lines after the header: names, units, sizes."""
 
 
 def is_text(path: Path) -> bool:
-    """True if a Slocum's file is text by its first line, whatever its name; packed by gzip or
-    not."""
+    """True if the first line of a Slocum's file, gzipped or not, is that of a text file."""
     try:
         with plain(path) as file:
             first = file.readline(100)

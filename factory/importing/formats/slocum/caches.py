@@ -29,7 +29,7 @@ _COUNT = r"[0-9]{1,6}"
 _SENSORS_A_BYTE = 4
 """Number of sensors whose state one byte of a cycle holds."""
 _SHOWN = 40
-"""Most characters of a wrong value that an error repeats."""
+"""Maximum number of characters of a wrong value that an error repeats."""
 
 
 def read_header(path: Path, name: str = "") -> dict[str, str]:

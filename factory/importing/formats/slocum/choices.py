@@ -26,9 +26,10 @@ PRESSURES = ("sci_water_pressure", "m_water_pressure", "m_pressure")
 OWN = PRESSURES[1:]
 """Pressure sensors from which the vehicle computes `m_depth`."""
 _COVERED, _COVER_GAP = 0.9, 60.0
-"""Fraction of the longest coverage that a chosen sensor needs, and the longest gap [s] counted."""
+"""_COVERED: share of the longest coverage that a chosen sensor needs. _COVER_GAP: [s] longest gap
+that counts as covered."""
 _MOVING = 8.0
-"""[dbar] Least pressure at which noise is measured, below the waves."""
+"""[dbar] Smallest pressure at which noise is measured, below the waves."""
 _ZERO = 20.0
 """[dbar] Largest zero offset of a sensor at the surface."""
 _FLOATING = 1.0
@@ -41,7 +42,7 @@ _SHALLOW = 20.0
 _RAMP = 60.0
 """[s] Time in which one sensor passes into the other, so that no step looks like a depth rate."""
 _RATE, _ENOUGH = 0.05, 10
-"""[dbar/s] Least rate of a descent or climb, and the fewest samples of each that make a median."""
+"""_RATE: [dbar/s] slowest descent or climb. _ENOUGH: minimum number of samples of a median."""
 _SAME_ZERO = 2.0
 """[dbar] Sensors that differ by less have one zero: a lag of some seconds, or half a hull's length
 at 26 degree of pitch, makes as much."""

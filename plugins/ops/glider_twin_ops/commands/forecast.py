@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from twin.mission import Mission
 
 USUAL_DEPTH, USUAL_RADIUS = 200.0, 500.0
-"""[m] Default depth and radius of arrival of --goto"""
+"""[m] Defaults of --goto. USUAL_DEPTH: depth. USUAL_RADIUS: radius of arrival"""
 USUAL_HOURS = 6.0
 """[h] Default time under water between surfacings of --goto"""
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from glider_twin_ops.health import Answers
 
 FEW = 4
-"""Most deployments for which answers are given by default"""
+"""Maximum number of deployments for which answers are given by default"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from glider_twin_ops.forecast import Known, Request
 
 RADIUS, USUAL_PITCH, LONGEST = 1000.0, 26.0, 240.0
-"""[m] Radius of arrival; [degree] pitch of the mission before the polar gives the fastest; [h]
-longest path"""
+"""RADIUS: [m] radius of arrival. USUAL_PITCH: [degree] pitch until the polar gives the fastest.
+LONGEST: [h] longest path"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 OF_NEW = ("from_", "vehicle", "kind", "goto", "energy_kwh", "cache", "mapping")
 OF_PASSES = ("once", "replay", "as_of", "to_learn", "every", "serve", "port")
 EVERY, LEAST_EVERY = 60.0, 1.0
-"""[s] Usual time between two looks for files, and the shortest allowed"""
+"""[s] Time between two looks for files. EVERY: default. LEAST_EVERY: shortest allowed"""
 HOUR, DAY_H = 3600.0, 24.0
 PAST_DAYS = 30.0
 """[d] Age of the last fix from which a deployment counts as over"""

@@ -22,13 +22,13 @@ from twin.numbers import Array
 Place = tuple[float, float]
 
 ARRIVED, STEEPEST = 20.0, 0.95
-"""[m] Radius of arrival at a waypoint: lists of Slocums have 10 m and more; and [1] largest sine of
-the angle between heading and course: closer to 1 the vehicle makes no headway"""
+"""ARRIVED: [m] radius of arrival at a waypoint; Slocums' lists have 10 m and more. STEEPEST: [1]
+largest sine of the angle from heading to course; closer to 1, no headway is made."""
 FORGETTING, RECENT = 0.9, 7
-"""[1] `Pool`'s forgetting, faster than the current's: pilots change waypoints and times sooner than
-the sea changes; and number of last dives whose median is the vehicle's speed"""
+"""FORGETTING: [1] of `Pool`; it is faster than the current's, since pilots change plans sooner than
+the sea changes. RECENT: number of last dives whose median is the vehicle's speed"""
 FASTEST, COARSE, FINE = 1.5, 0.05, 0.01
-"""[m/s] Upper end of the search for a dive's speed along its waypoints, and its two steps"""
+"""[m/s] Search for a dive's speed along its waypoints. FASTEST: upper end. COARSE, FINE: steps"""
 STRAIGHT = 1e6
 """[s] Without a waypoint, the last dive's velocity continues for this time"""
 ALONG = 0.3
@@ -215,11 +215,11 @@ def _speed_of(one: LoggedLeg) -> float:
 
 HOUR = 3600.0
 CLOCKS, ENDS = (1.0, 2.0, 3.0, 4.0), 5
-"""[h] Intervals of surfacings by the clock, and number of last surfacings that give the phase"""
+"""CLOCKS: [h] intervals of surfacings by the clock. ENDS: number of last ones for the phase"""
 SHORTEST = 600.0
 """[s] Shortest expected dive"""
 STAYS, LONGEST_STAY = 10, 6.0 * HOUR
-"""Number of last surface intervals that are sampled; [s] a longer interval is a gap of the log"""
+"""STAYS: number of last surface intervals to sample. LONGEST_STAY: [s] a longer one is a gap."""
 SHORTENED, LENGTHENED = -0.8, 3.0
 """[1] Limits of a sampled dive's relative change of duration"""
 CLOCK_PRIORS = (Prior(0.14, 0.12), Prior(0.07, 0.16), Prior(0.06, 0.18), Prior(0.06, 0.14))

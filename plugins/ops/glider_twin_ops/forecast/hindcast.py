@@ -55,9 +55,9 @@ AHEAD = 2e5
 ARRIVAL = 20.0
 """[m] Radius of arrival at a waypoint, as in the walk (`expected_dive.ARRIVED`)"""
 UNDER, FLATTEST, STEEPEST = 5.0, 5.0, 45.0
-"""[m] Least depth, and [degree] limits of the pitch, of a sample that counts as gliding"""
+"""Samples that count as gliding. UNDER: [m] smallest depth. FLATTEST, STEEPEST: [degree] pitch"""
 SHALLOWEST = 10.0
-"""[m] Least depth to which members dive"""
+"""[m] Smallest depth to which members dive"""
 
 
 def field_mean(logs: LogStore, legs: Sequence[LoggedLeg], current: Current) -> FieldMean:

@@ -183,11 +183,11 @@ class DiveTimes(NamedTuple):
 
 
 SILENT, TOLD = 3600.0, 3
-"""[s] Time without a sample that counts as a gap, as in `factory import`; and number of last gaps
-that are reported with their times"""
+"""SILENT: [s] time without a sample that counts as a gap, as in `factory import`. TOLD: number of
+last gaps that are reported with their times"""
 AFLOAT, SAME = 3.0, 1.5
-"""[m] Depth down to which a pressure sensor can read with its glider at the surface; [s] limit of
-the difference of two durations of one surface interval, since clocks are rounded"""
+"""AFLOAT: [m] deepest reading of a pressure sensor at the surface. SAME: [s] largest difference of
+two durations of one surface interval, since clocks are rounded"""
 
 
 def dive_times(logs: LogStore, deployment: str) -> DiveTimes:
@@ -242,7 +242,7 @@ def why_no_legs(logs: LogStore, deployment: str) -> str:
 
 
 APART = 30.0
-"""[m] Least distance of two waypoints: at less, one waypoint was repeated with a correction"""
+"""[m] Smallest distance of two waypoints: at less, one waypoint was repeated with a correction"""
 
 
 def _targets(places: Array) -> tuple[tuple[float, float], ...]:

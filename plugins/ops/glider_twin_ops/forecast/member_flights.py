@@ -32,10 +32,10 @@ from twin.vehicle import ENERGY
 SAMPLE_PERIOD = 10.0
 """[s] Sample period of a member: the error of a surfacing is 3 m at 0.3 m/s"""
 STEPS, SETTLED = 2.0, 0.75
-"""[1] Members' physics step over that of the vehicle's file, whose explicit part limits it: in six
-hours the end moves by less than 5 m, in lanes by about 1 m (`python -m benchmarks.forecast_speed`).
-If this step times the vehicle's fastest rate exceeds `SETTLED`, the file's own step is flown: rates
-of members differ by a fifth, and at 1 they would be unstable"""
+"""STEPS: [1] members' physics step over the file's, whose explicit part limits it: in six hours the
+end moves by less than 5 m, in lanes by about 1 m (`python -m benchmarks.forecast_speed`). SETTLED:
+the file's step is flown if this step times the vehicle's fastest rate is larger. Rates of members
+differ by a fifth, and at 1 they would be unstable."""
 PER_CORE = {"mujoco": 12, "lanes": 4 * LANES[0]}
 """Members per core in a fleet: enough to keep a core busy, few enough to show progress"""
 UNDER = 3.0

@@ -40,13 +40,13 @@ from twin.records import unix_seconds
 from twin.water.current import Current, sample_track
 
 LARGEST_SCALE, OBEYS = 0.5, 0.2
-"""[1] Limit of a sampled speed's relative error; and weight of the model "to its waypoints" below
-which the forecast warns that the vehicle hardly follows waypoints"""
+"""[1] LARGEST_SCALE: limit of a sampled speed's relative error. OBEYS: smallest weight of the model
+"to its waypoints"; with less, the forecast warns that the vehicle hardly follows them."""
 INTERVAL = 1800.0
 """[s] Interval of a sampled time series: 1/28 of an inertial period at 60 degree"""
 FIELD_TIME, STRAIGHT = 86400.0, 5e5
-"""[s] Correlation time of a forecast field's error, as of weather; [m] distance that no glider
-covers within a forecast"""
+"""FIELD_TIME: [s] correlation time of a forecast field's error, as of weather. STRAIGHT: [m]
+distance that no glider covers within a forecast"""
 FASTEST = 3.0
 """[m/s] Limit of each component of a sampled current; no sea is faster"""
 

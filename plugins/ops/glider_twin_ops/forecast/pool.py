@@ -227,7 +227,7 @@ or in a filter's own standard deviations. The priors of the two models with a fi
 LAST = {PERSISTENCE: 1, MEAN: 3}
 """Number of last dives whose mean current a model forecasts"""
 TIDAL_DAYS, FEWEST = 2.0, 6
-"""[d] Length of a tidal fit's record, and number of dives below which the mean alone is fitted"""
+"""TIDAL_DAYS: [d] record of a tidal fit. FEWEST: dives below which only the mean is fitted"""
 
 
 class CurrentPool:

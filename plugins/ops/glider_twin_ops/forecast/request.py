@@ -46,8 +46,8 @@ FIELD_ERROR = 0.1
 found between models of shelf seas and gliders"""
 LONGEST_HOURS, LEAST_MEMBERS, MOST_MEMBERS = 240.0, 10, 100_000
 FASTEST, SLOWEST = 3.0, 0.1
-"""[m/s] Largest speed over ground: a glider's plus a current of 2 m/s; least vertical velocity of a
-climb, from which the flight time beyond the horizon follows"""
+"""[m/s] FASTEST: largest speed over ground, a glider's plus a current of 2 m/s. SLOWEST: smallest
+vertical velocity of a climb, which gives the flight time beyond the horizon"""
 LATE = 0.25
 """[1] Fraction of a dive by which late members surface after the others"""
 
@@ -194,11 +194,11 @@ def longest_dive(mission: Mission) -> float:
 
 KILO = 1e3
 OLD, FAR, MOST_BEFORE = 2.0, 30.0, 60.0
-"""[d] age and [km] distance beyond which logs give a warning, because eddies and tides change; [s]
-largest difference of clocks"""
+"""OLD: [d] age and FAR: [km] distance of logs that give a warning, because eddies and tides change.
+MOST_BEFORE: [s] largest difference of clocks"""
 MOST_DAYS, MOST_AWAY, MOST_PER_DAY = 30.0, 100.0, 100.0
-"""[d] age, and [km] distance with its growth [km/d], beyond which logs are refused: a glider drifts
-at less than 1.2 m/s"""
+"""Limits beyond which logs are refused. MOST_DAYS: [d] age. MOST_AWAY: [km] distance. MOST_PER_DAY:
+[km/d] its growth; a glider drifts at less than 1.2 m/s"""
 
 
 class LastSeen(NamedTuple):
@@ -406,7 +406,7 @@ def _last_deployment(logs: LogStore) -> tuple[str, str]:
 
 
 MOVING = 0.03
-"""[m/s] Least vertical velocity of a dive: at less, the vehicle hovers or floats"""
+"""[m/s] Smallest vertical velocity of a dive: at less, the vehicle hovers or floats"""
 
 
 def _last_seen(logs: LogStore, deployment: str) -> LastSeen | None:

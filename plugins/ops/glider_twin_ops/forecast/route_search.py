@@ -25,31 +25,32 @@ from twin.numbers import Array
 STEP = 3.0 * 3600.0
 """[s] Interval between two times of the water"""
 REACH = 4
-"""Most nodes that an edge spans, north and east each: 48 directions"""
+"""Maximum number of nodes that an edge spans, north and east each: 48 directions"""
 SPANS = range(-REACH, REACH + 1)
 EDGES = np.array([(n, e) for n in SPANS for e in SPANS if math.gcd(n, e) == 1])
 LOOKS = (4, 8, 16)
 """Numbers of places along an edge at which the nearest node's current is read. All three are tried:
 few places give paths that tolerate a forecast's errors, many the best path if the water is known"""
 SLOWEST, BARRED = 0.02, 1e9
-"""[m/s] Speed over ground of a vehicle without progress, which waits for better water; [s] time of
-a forbidden path"""
+"""SLOWEST: [m/s] speed over ground of a vehicle without progress, which waits for better water.
+BARRED: [s] time of a forbidden path"""
 CORNERS, WORTH = 7, 0.002
-"""Largest number of corners between a path's ends, which with its end fill a Slocum's list of
-waypoints; and [1] least fraction of the time that each corner must save"""
+"""CORNERS: maximum number between a path's ends; with its end they fill a Slocum's list of
+waypoints. WORTH: [1] smallest fraction of the time that each corner must save"""
 THROWN, CAUGHT, MOST_THROWN = 600, 3, 4
-"""Number of random paths, number of paths that are kept, and most corners of a random path"""
+"""THROWN: number of random paths. CAUGHT: number of paths that are kept. MOST_THROWN: maximum
+number of corners of a random path"""
 ALONG, ASIDE = (-0.2, 1.2), (0.25, 0.05)
-"""[1] In lengths of the straight path: limits of random corners along it, and standard deviation of
-the steps across it, for wide and for narrow paths in turn"""
+"""[1] In lengths of the straight path. ALONG: limits of random corners along it. ASIDE: standard
+deviations of steps across it, for wide and for narrow paths in turn"""
 AT_ONCE = 1_000_000
 """Largest number of elements of an array of lines by corners of a polygon"""
 ALONE, APART = 3, 2.0
-"""Number of samples of the water whose fastest paths are candidates too; [nodes] least distance of
-two candidates"""
+"""ALONE: number of samples of the water whose fastest paths are candidates too. APART: [nodes]
+smallest distance of two candidates"""
 EDDIES, SHORTEST, LONGEST = 24, 3e4, 2e5
-"""Number of waves in a sampled error of the field, and limits of their length [m]: those of
-mesoscale eddies, which models misplace"""
+"""EDDIES: number of waves in a sampled error of the field. SHORTEST, LONGEST: [m] limits of their
+length, those of mesoscale eddies, which models misplace"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -39,21 +39,22 @@ from twin.water.current import Current, sample_track
 PITCHES = (18.0, 22.0, 26.0, 30.0, 35.0)
 """[degree] Pitches of the polar"""
 BEYOND, POLAR_HOURS = 60_000.0, 12.0
-"""[m] Distance of the target of flights for the polar, and [h] their time: no glider arrives"""
+"""Flights for the polar. BEYOND: [m] distance of the target; none arrives. POLAR_HOURS: [h]"""
 DRAWS, BEST = 48, 3
-"""Number of samples of the water besides the mean, for the search and again for the judgement; and
-number of paths that are flown besides the straight path"""
+"""DRAWS: number of samples of the water besides the mean, for the search and again for the
+judgement. BEST: number of paths that are flown besides the straight path"""
 SLOWER, SELDOM, OFTEN = 1.02, 0.05, 0.5
-"""[1] Time over the straight path's that counts as slower, largest fraction of samples in which a
-path may be slower, and fraction without arrival above which no path is recommended"""
+"""[1] SLOWER: time over the straight path's that counts as slower. SELDOM: largest fraction of
+samples in which a path may be slower. OFTEN: no path is recommended above this fraction that never
+arrives."""
 MOST_VIAS, NINETY = 6, (0.05, 0.95)
 AT_HAND, LATE = 2.5, 1.2
-"""[1] Time for which the water must be known over the straight path's time in still water, and
-flight time of the twin over the time within which 95 % of the samples arrive"""
+"""[1] AT_HAND: time with known water over the straight path's time in still water. LATE: flight
+time of the twin over the time within which 95 % of the samples arrive"""
 NEAR = 2000.0
 """[m] Distance from the last place that counts as arrival"""
 NODES, LEVELS = 41, 9
-"""Number of nodes along the longer side of the region, and number of depths of the mean"""
+"""NODES: number of nodes along the region's longer side. LEVELS: number of depths of the mean"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

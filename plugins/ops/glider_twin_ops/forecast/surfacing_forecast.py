@@ -276,7 +276,7 @@ class NoticeBox:
     west: float
     east: float
     holds: float
-    """[1] Least probability that the whole track lies inside"""
+    """[1] Smallest probability that the whole track lies inside"""
 
     def text(self) -> str:
         """Text of one line, in degrees and minutes."""

@@ -321,11 +321,11 @@ def _leg_ahead(leg: Leg, duration: float, through: Array) -> Leg:
 
 METHODS = ("forecast", "over_ground", "persistence", "tide", "no_current", "onboard")
 RESAMPLED, BLOCK, SEED = 2000, 6, 1
-"""Number of bootstrap samples, surfacings in a block (about a day, since errors of neighbours
-correlate: Kunsch 1989, Ann. Stat. 17), and the seed"""
+"""RESAMPLED: number of bootstrap samples. BLOCK: surfacings in a block, about a day, since errors
+of neighbours correlate (Kunsch 1989, Ann. Stat. 17). SEED: the bootstrap's"""
 LEAST_BLOCKS, LEAST_SEGMENTS = 5, 12
-"""Least number of blocks, for which a short deployment has shorter ones, and least number of
-surfacings with an interval: intervals resampled from fewer are too narrow"""
+"""LEAST_BLOCKS: minimum number; a short deployment has shorter blocks. LEAST_SEGMENTS: minimum
+number of surfacings with an interval; intervals resampled from fewer are too narrow."""
 INTERVAL = (2.5, 97.5)
 """[%] Percentiles of a 95 % interval"""
 

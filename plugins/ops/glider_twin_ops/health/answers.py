@@ -52,11 +52,10 @@ from twin.records.storage import StorePath
 FOLLOWED = ("neutral_density", "drag")
 """Parameters that are followed by default, since every glide observes them"""
 WALK, LEARNING = 0.01, 8
-"""Prior random walk from dive to dive, over the parameter's spread, by water and growth; and number
-of first dives that scale walk and noise, so that a later fault does not"""
+"""WALK: prior random walk from dive to dive, over the parameter's spread, by water and growth.
+LEARNING: number of first dives that scale walk and noise, so that a later fault does not"""
 FACTORS = np.exp(np.arange(-2.5, 2.6, 0.5))
-"""Factors tried on the walks and on the noise of a dive; the prior of each logarithm is a unit
-normal"""
+"""Factors tried on the walks and on a dive's noise; their logarithms have unit normal priors."""
 PASSES = 2
 """Fits to all dives, with new weights each; residuals are linearised at the last"""
 ENDS: dict[str, Any] = {"max_nfev": 8, "xtol": 1e-3, "ftol": 1e-4}
@@ -243,7 +242,7 @@ HEADINGS = np.arange(0.0, 360.0, 45.0)
 DEPTHS = (0.0, 10.0, 30.0, 100.0, 200.0, 400.0, 700.0, 1000.0, 6000.0)
 """[m] Edges of the depths at which a pump's strokes are averaged"""
 LEAST_SAMPLES = 3
-"""Fewest samples of pumping in a range of depths"""
+"""Minimum number of samples of pumping in a range of depths"""
 DAY = 86400.0
 """[s] Seconds of a day"""
 

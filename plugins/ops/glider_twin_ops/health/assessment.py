@@ -62,15 +62,16 @@ from twin.records import LogStore
 from twin.records.storage import StorePath
 
 LEAST_DIVES = FIRST + 2
-"""Fewest dives that are judged: those before the earliest fault, and two for an alarm"""
+"""Minimum number of dives that are judged: those before the earliest fault, and two for an alarm"""
 OFTEN, LEAST_CHANNELS = 6, 5
-"""Fewest dives with a channel for it to count, and fewest channels that count for an alarm"""
+"""OFTEN: minimum number of dives for a channel to count. LEAST_CHANNELS: minimum number of channels
+that count for an alarm"""
 TOGETHER = 0.1
 """Probability over that of the likeliest kind from which on a kind is named beside it"""
 APART = 45.0
-"""[degree] Least angle between two headings of legs"""
+"""[degree] Smallest angle between two headings of legs"""
 MOST_ROWS, UNLIKELY = 5, 0.005
-"""Most kinds of a table, and the probability below which a kind is not listed"""
+"""MOST_ROWS: maximum number of kinds in a table. UNLIKELY: smallest probability of a listed kind"""
 LOUD = 6.0
 """Standard deviations off its level above which a channel of the last dive is reported"""
 

@@ -95,8 +95,8 @@ TIDES = (2.0 * math.pi / (12.42 * 3600.0), 2.0 * math.pi / (23.93 * 3600.0))
 HEADING = 1
 """Index of the compass' zero among the disturbances of `standing`"""
 SPEED_OFF, HEADING_OFF, TIDE_SPEED = 0.1, math.radians(3.0), 0.05
-"""Prior standard deviations: relative error of the speed through the water, [rad] error of the
-compass' zero, [m/s] amplitude of each phase of a tide's component"""
+"""Prior standard deviations. SPEED_OFF: relative error of speed through the water. HEADING_OFF:
+[rad] of the compass' zero. TIDE_SPEED: [m/s] amplitude of each phase of a tide's component"""
 DAY = 86400.0
 
 

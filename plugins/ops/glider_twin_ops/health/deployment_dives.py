@@ -35,10 +35,10 @@ from twin.records.attributes import DIVE, DIVE_DURATION
 from twin.records.storage import StorePath
 
 BIN, BINS = 5.0, 60
-"""[m] Height of the bins in which pings are counted, and the number of bins"""
+"""BIN: [m] height of the bins in which pings are counted. BINS: number of bins"""
 LEAST, SOUND = 10.0, 0.5
-"""Fewest expected echoes for a value, and the fraction received from which on a dive updates the
-counts; a blind altimeter must not lower the expectation"""
+"""LEAST: minimum number of expected echoes for a value. SOUND: smallest fraction received in a dive
+that updates the counts; a blind altimeter must not lower the expectation."""
 
 
 @dataclasses.dataclass(eq=False)
@@ -90,18 +90,19 @@ SETTINGS = {"depth": 0.2, "dive_pitch": 3.0, "dive_volume": 25.0, "climb_pitch":
 """Settings of a dive and the change of each above which the pilot changed it: of the depth's
 logarithm, [degree], [cm3]. Of preset `faulty`, without a pilot, 90 % of dives stay below"""
 SHALLOW, SHALLOWER = 15.0, 0.2
-"""A dive above [m], and a first dive above this fraction of the usual depth, is a test dive"""
+"""A dive above SHALLOW [m] is a test; so are first dives above SHALLOWER of the median depth."""
 UNKNOWN_MASS, LEAST_NET = 0.03, 0.02
-"""[kg] Standard deviation of a net mass by ballast and trim; [kg] least net mass that counts"""
+"""[kg] UNKNOWN_MASS: standard deviation of a net mass by ballast and trim. LEAST_NET: smallest net
+mass that counts"""
 WATER_CHANGE, STRATIFIED = 0.05, 1.0
-"""[kg/m3] Standard deviation of the water's mean density from dive to dive, and its change per
-logarithm of the dive's depth, where a log has no density"""
+"""Without a logged density. WATER_CHANGE: [kg/m3] standard deviation of the water's mean density
+from dive to dive. STRATIFIED: [kg/m3] change of density per logarithm of the dive's depth"""
 UNTOLD_WARMING = 0.0015
 """Relative change of the hull's air from dive to dive where the log has no temperature: 0.4 K, the
 RMS change of a dive's mean temperature in 81 pairs of dives of seven real deployments"""
 FIRST, HEAVIER, WEIGHED = 5, 0.008, 0.02
-"""Dives from which the weight is found; largest relative change of the density in which the vehicle
-is neutral, 0.4 kg of 54; [kg/m3] its precision, 1 g of 54 kg"""
+"""FIRST: dives from which the weight is found. HEAVIER: largest relative change of the density in
+which the vehicle is neutral, 0.4 kg of 54. WEIGHED: [kg/m3] its precision, 1 g of 54 kg"""
 ROUND = 10.0
 """[m] Depth step to which the typical dive is rounded, so that deployments share its signatures"""
 READ = (

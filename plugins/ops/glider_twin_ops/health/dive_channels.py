@@ -25,32 +25,32 @@ CUBIC_CM = 1e-6
 PUMPING = 0.15
 """[cm3/s] Rate above which a pump counts as pumping"""
 STEEP, LEAST_SAMPLES = 8.0, 20
-"""[degree] Pitch and number of samples from which on a vehicle counts as diving or climbing"""
+"""A vehicle dives or climbs with STEEP [degree] of pitch and LEAST_SAMPLES samples or more."""
 BIN, STEADY_PITCH = 60.0, 8.0
-"""[s] Length of the bins of steady flight; [degree] smallest pitch of a glide"""
+"""BIN: [s] length of the bins of steady flight. STEADY_PITCH: [degree] smallest pitch of a glide"""
 STEADY_CHANGE, STEADY_PUMP = 4.0, 15.0
-"""[degree], [cm3] Changes of pitch and pump from bin to bin that end steady flight"""
+"""Changes between bins that end steady flight. STEADY_CHANGE: [degree] pitch. STEADY_PUMP: [cm3]"""
 SHALLOW = 5.0
 """[m] Depth above which a hull is near the surface"""
 AFLOAT, FLOATING, RESTS = 0.5, 0.05, 20.0
-"""A vehicle floats within [m] of a dive's smallest depth while it rises or sinks slower than [m/s],
-for longer than [s]; a turn below the surface is as slow for a moment only"""
+"""A vehicle floats within AFLOAT [m] of a dive's smallest depth while it rises or sinks slower than
+FLOATING [m/s], for longer than RESTS [s]. A turn below the surface is as slow for less."""
 LEVEL_RATE = 0.03
-"""[m/s] Least vertical velocity of a dive or climb, as in `twin flight`"""
+"""[m/s] Smallest vertical velocity of a dive or climb, as in `twin flight`"""
 WATER, NEAR = ("measured_density", "measured_temperature"), 120.0
-"""Signals of the water that the buoyancy needs; [s] longest distance from a sample of them"""
+"""WATER: signals that the buoyancy needs. NEAR: [s] longest distance from a sample of them"""
 FULL_RATE = 10.0
 """[s] Longest sample period at which lags of a CTD are judged"""
 LEAST_BINS = 4
-"""Fewest bins of a dive or climb from which a channel is computed"""
+"""Minimum number of bins of a dive or climb from which a channel is computed"""
 LEAST_RUN = 8
-"""Fewest consecutive samples of a descent or ascent whose depth rate is judged: at satellite rate a
-yo of 30 m has two or three, and its turns are in each difference of depths. At such rates (longer
-than `FINEST`) the first and the last sample of a run are left out for that reason"""
+"""Minimum number of consecutive samples of a descent or ascent whose depth rate is judged. At
+satellite rate a yo of 30 m has two or three, and all its depth rates contain a turn. Where samples
+are longer than `FINEST` apart, the first and the last of a run are left out too."""
 WHOLE, LEAST_WHOLE = 0.7, 3.0
-"""Fraction of the highest rate above which a pump runs at full rate, and the fewest consecutive
-samples at full rate from which the rate is read. The one highest sample of a fast pump depends on
-when it was taken"""
+"""WHOLE: fraction of the highest rate above which a pump runs at full rate. LEAST_WHOLE: minimum
+number of consecutive samples at full rate that give the rate; the one highest sample of a fast pump
+depends on when it was taken."""
 FINEST = 20.0
 """[s] Longest sample period at which a pump's strokes can be seen"""
 AGREE = 6.0
@@ -63,7 +63,7 @@ LOST = 0.5
 LAYER = 2.0
 """[m] Height of the layers in which the CTD's dives and climbs are compared"""
 SEA_LEVEL, ZERO_C = 101_325.0, 273.15
-"""[Pa] Pressure of the air, [K] temperature of 0 degC"""
+"""SEA_LEVEL: [Pa] pressure of the air. ZERO_C: [K] temperature of 0 degC"""
 PHASES = (("dive", 1.0), ("climb", -1.0))
 """Sign of the depth rate in dives and in climbs"""
 

@@ -30,7 +30,8 @@ FARTHEST = 8.0
 UNTOLD = 3
 """Dives from the onset on that are left out of training, since a new fault is not yet visible"""
 HIDDEN, STEPS, RATE, DECAY, DROPPED = 64, 400, 3e-3, 3e-3, 0.2
-"""Hidden units, steps of AdamW over all dives, learning rate, weight decay, dropout of inputs"""
+"""HIDDEN: number of hidden units. STEPS: of AdamW over all dives. RATE: learning rate. DECAY:
+weight decay. DROPPED: dropout of inputs"""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -34,13 +34,13 @@ from twin.errors import InputError
 from twin.numbers import Array
 
 CLIP, FARTHEST = 3.5, 30.0
-"""Standard deviations above which an innovation counts as one of larger noise, since one dive alone
-proves little; and those at which a signature is clipped"""
+"""[standard deviations] CLIP: a larger innovation counts as one of larger noise, since one dive
+alone proves little. FARTHEST: a larger signature is clipped."""
 LEARNED, LATE = 8.0, 2
-"""Dives that a channel's prior noise counts as; and last dives that do not update the noise, since
-a fault would raise it"""
+"""LEARNED: dives that a channel's prior noise counts as. LATE: number of last dives that do not
+update the noise, since a fault would raise it"""
 LEAST, MOST = 0.4, 40.0
-"""Smallest and largest variance of a channel over its prior variance"""
+"""Variance of a channel over its prior variance. LEAST: smallest. MOST: largest"""
 UNSURE = 0.25
 """[1] Standard deviation of a flown signature in each channel, over the signature"""
 SIZE_STEP = 0.28
@@ -55,7 +55,7 @@ UNKNOWN = 100.0
 RARE = 200.0
 """Prior: a fault begins once in this many dives"""
 ENDS, BELOW = 0.0, 1.0
-"""Log odds below which an alarm ends, since no fault is then as likely; and the drop below a lower
+"""ENDS: log odds below which an alarm ends; no fault is then as likely. BELOW: drop below a lower
 threshold that ends an alarm, so that it does not flap"""
 NONE = "none"
 """Kind of a healthy deployment"""
@@ -350,8 +350,8 @@ def _ratio(
 
 
 LEVEL, SLOPE, SURE = -0.05, 0.270, 20.0
-"""Logistic regression, over the evidence after the last dive, of a fault that has begun and is
-named, where one begins once in `RARE` dives; and the evidence from which on nearly all names were
+"""LEVEL, SLOPE: logistic regression, over the evidence after the last dive, of a begun fault that
+is named, if one begins once in `RARE` dives. SURE: evidence from which nearly all names were
 right"""
 
 

@@ -13,12 +13,11 @@ from twin import Vehicle
 from twin.numbers import Array
 
 WEIGHTY = 0.03
-"""[kg] Least weight that a remark names"""
+"""[kg] Smallest weight that a remark names"""
 LEANING = 3.0
 """[degree] Mean steering angle in dives and in climbs above which a remark names it"""
 TURNED, SURE = 3.0, 3.0
-"""[degree] Least turn of a compass that a remark names, and its least number of standard
-deviations"""
+"""A remark names a compass that turned by over TURNED [degree] and SURE standard deviations."""
 
 
 def remarks_of(

@@ -36,16 +36,16 @@ from twin.physics import BODY, Lane, differs, electric_signals, flown_abreast, h
 from twin.vehicle.parts import Fin
 
 GROWN, PATIENCE = 1.0, 60.0
-"""[d] Age at which the signature of a growing fault is taken; [s] longest flight for each metre of
-depth, since a vehicle without a wing is slow"""
+"""GROWN: [d] age at which the signature of a growing fault is taken. PATIENCE: [s] longest flight
+for each metre of depth, since a vehicle without a wing is slow"""
 FLOOR_BELOW, DEEP = 20.0, 250.0
-"""[m] Height of the dive's turn above the floor, so that an altimeter hears it; [m] least sum of
-the depths of all yos"""
+"""[m] FLOOR_BELOW: height of the dive's turn above the floor, so that an altimeter hears it. DEEP:
+smallest sum of the depths of all yos"""
 OCEAN, PER_SALINITY = 1025.0, 0.77
-"""[kg/m3] Density that the shipped gliders are ballasted for, and its rise per unit of salinity"""
+"""[kg/m3] OCEAN: density of the gliders' ballasting. PER_SALINITY: rise per unit of salinity"""
 HEADING, SHEAR, SETTLED = 30.0, 3e-4, 300.0
-"""[degree] Heading of the flights; [1/s] shear of the sheared one, 6 cm/s over 200 m; [s] time of a
-flight at which a fault begins that does not grow"""
+"""HEADING: [degree] of the flights. SHEAR: [1/s] of the sheared flight, 6 cm/s over 200 m. SETTLED:
+[s] time in a flight at which a fault begins that does not grow"""
 FLATTER = 1.0
 """[degree] Pitch by which a second sound dive is flatter; its changes of channels, as where a weak
 turn settles, are subtracted from signatures"""
@@ -55,11 +55,11 @@ since the steering is at its limit"""
 TURNING = ("roll_dive", "roll_climb", "turn_dive", "turn_climb")
 """Channels of roll and steering"""
 STEEPER, STEEPEST, DEEPER, TRIES = 6.0, 45.0, 40.0, 5
-"""Changes of a dive in which a vehicle stalls: [degree] steeper, up to the steepest; [m] deeper,
-since turns take most of a shallow one; number of tries"""
+"""Changes of a dive in which a vehicle stalls. STEEPER: [degree] by which it is steeper, up to
+STEEPEST. DEEPER: [m], since turns take most of a shallow dive. TRIES: number of tries"""
 FLATTEST, PITCH_STEP, MASS_STEP = 8.0, 5.0, 0.3
-"""[degree] Least pitch of a dive that replaces another; a change of pitch by `PITCH_STEP` [degree]
-counts as much as one of the net mass' logarithm by `MASS_STEP`"""
+"""FLATTEST: [degree] smallest pitch of a dive that replaces another. A change of pitch by
+PITCH_STEP [degree] counts as much as one of the net mass' logarithm by MASS_STEP."""
 MASSES = (1.0, 0.8, 1.25, 0.6, 1.6, 0.4, 0.25)
 """Factors on the net mass that are tried"""
 ASCENT = 35.0

@@ -37,8 +37,8 @@ BAND = 2.0
 """Standard deviations that a band shows on each side of a level or an estimate"""
 ELLIPSE_POINTS = 73
 LONGEST_ARROW, TICKS, WIDE = 0.18, 25.0, 1.4
-"""Length of the strongest current's arrow over the map's width; most small ticks of an axis; width
-over height of the map for e-mail"""
+"""LONGEST_ARROW: strongest current's arrow over the map's width. TICKS: maximum number of small
+ticks of an axis. WIDE: width over height of the map for e-mail"""
 STYLED = {
     "forecast": ("forecast", "vermillion"),
     "over_ground": ("over ground as the last three", "sky"),

@@ -29,13 +29,13 @@ from twin.show import Page
 from twin.show.style import moment_of
 
 FEW = 4
-"""Most deployments that are all shown with their channels; of more, only those with an alarm"""
+"""Maximum number of deployments that all have channels shown; of more, only those with an alarm"""
 BELIEVED = {
     "drag": "Drag K_D0 [kg/m]",
     "neutral_density": "Density of the water in which it neither sinks nor rises [kg/m3]",
 }
 MOST_ROWS = 60
-"""Most rows of the table: the last surfacings"""
+"""Maximum number of rows of the table: the last surfacings"""
 
 
 def write_health(

@@ -20,27 +20,27 @@ from twin.records.coordinates import utc_minute
 WIDTH, HEIGHT = 960.0, 640.0
 """[px] of the view box"""
 MARGIN, NEAR, LEAST_SPAN = 1.25, 1.5, 0.02
-"""Ratio of the view to the extent that must be seen; extents beyond which a target is left outside
-the first view; [degree] least latitude shown, 2 km"""
+"""MARGIN: view over the extent that must be seen. NEAR: extents beyond which a target is left
+outside the first view. LEAST_SPAN: [degree] smallest latitude shown, 2 km"""
 MOST_DOTS = 400
-"""Most members drawn for a surfacing"""
+"""Maximum number of members drawn for a surfacing"""
 WIDER = 12.0
 """Number of view heights around the middle in which the coast is drawn, for zooming out"""
 METRES_PER_DEGREE = 111_195.0
 STEPS = (0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800)
 """[minute] Steps between lines of latitude and longitude"""
 LINES = 5.0
-"""Most lines of latitude in a view"""
+"""Maximum number of lines of latitude in a view"""
 COLOURS = ("#0072b2", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#e69f00")
 """Colours of surfacings in turn: Okabe and Ito's, which colour-blind readers can distinguish"""
 CLOSE = 4
 """Number of last dives that the first view holds, and whose currents have arrows"""
 LONGEST_ARROW, HEAD = 90.0, 15.0
-"""[px] Length of the strongest current's arrow, and of an arrow's head"""
+"""[px] LONGEST_ARROW: length of the strongest current's arrow. HEAD: length of an arrow's head"""
 ROUND_SPEEDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 """[m/s] Speeds of the arrow in the key"""
 APART = 18.0
-"""[px] Least distance between the lines of two labels"""
+"""[px] Smallest distance between the lines of two labels"""
 CROWDED = 40.0
 """[px] Distance of surfacings whose names stand in one column beside them all"""
 

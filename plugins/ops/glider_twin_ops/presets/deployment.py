@@ -48,13 +48,13 @@ PERIODS = {"faulty": 4.0, "faulty-satellite": 60.0, "piloted": 4.0, "piloted-sat
 """[s] Sample period of each preset: of recovered files, and of files sent by satellite; a pilot
 changes the settings of `piloted` ones"""
 DIVES = (20, 60)
-"""Fewest and most dives of a deployment, each from fix to fix"""
+"""Minimum and maximum number of dives of a deployment, each from fix to fix"""
 HOURS = (2.0, 3.5)
 """[h] Shortest and longest dive under water, in which shallow vehicles make several yos"""
 STAY = 600.0
 """[s] Surface interval between dives"""
 LEG = (4, 10)
-"""Fewest and most dives on one heading"""
+"""Minimum and maximum number of dives on one heading"""
 JITTER = 0.03
 """Standard deviation from dive to dive of a setting, over its value"""
 HEALTHY_DIVES = 0.25

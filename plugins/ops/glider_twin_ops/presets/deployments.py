@@ -57,10 +57,10 @@ UNLOGGED = ("measured_gps", "measured_dvl", "measured_specific", "measured_onboa
 CHUNK = 8
 """Number of deployments that fly together in one batch"""
 ATTEMPTS = 20
-"""Most samples of a deployment until one can be flown"""
+"""Maximum number of attempts to sample a deployment that can be flown"""
 FAULT_KIND, FAULT_ONSET, FAULT_SIZE = "fault_kind", "fault_onset_dive", "fault_size"
 LABELS, NAME = "fault_labels", "deployment_name"
-"""Variables: JSON of each deployment's fault with all settings; the deployment's name"""
+"""Variables. LABELS: each deployment's fault with all settings, as JSON. NAME: deployment's name"""
 HEALTHY = "none"
 """Type of fault of a deployment without one"""
 KIND = "simulated"

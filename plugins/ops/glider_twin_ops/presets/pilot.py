@@ -20,15 +20,15 @@ from twin.errors import MissionError
 from twin.numbers import Array
 
 SHALLOWEST, DEEPEST = 20.0, 1000.0
-"""[m] Least lower turning depth, and the greatest of a vehicle without a rated depth"""
+"""[m] Lower turning depth. SHALLOWEST: smallest. DEEPEST: largest if there is no rated depth"""
 TEST_DIVES, TEST_DEPTH = 3, (20.0, 60.0)
-"""Most test dives, which have one yo each; [m] their lower turning depths"""
+"""TEST_DIVES: maximum number of test dives, of one yo each. TEST_DEPTH: [m] their turning depths"""
 BLOCK = (3, 14)
-"""Fewest and most dives with the same settings"""
+"""Minimum and maximum number of dives with the same settings"""
 CHANGED = {"depth": 0.6, "trim": 0.5, "speed": 0.5}
 """Probability of a change of depth, of both pitches and of both net masses between blocks"""
 THRUSTER, WITHOUT_CTD, LOST = 0.3, 0.4, 0.5
-"""Fractions of the deployments with a thruster, with dives without CTD, with lost samples"""
+"""Fractions of deployments with a THRUSTER, with dives WITHOUT_CTD, and with LOST samples"""
 LOST_HOURS = (0.3, 4.0)
 """[h] Shortest and longest loss of samples"""
 TRIES = 30

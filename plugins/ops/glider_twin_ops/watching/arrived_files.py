@@ -29,7 +29,8 @@ FETCHED = "fetched"
 EMPTY = hashlib.sha256().hexdigest()
 """SHA-256 of an empty file"""
 FILES, CACHE, MAPPING = "files", "cache", "mapping"
-"""Subfolders of a copy: logs with their metadata, a Slocum's lists of sensors, a table's mapping"""
+"""Subfolders of a copy. FILES: logs with their metadata. CACHE: a Slocum's lists of sensors.
+MAPPING: a table's mapping"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

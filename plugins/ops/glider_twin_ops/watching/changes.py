@@ -23,7 +23,7 @@ from twin.records import unix_seconds
 from twin.records.coordinates import utc_minute
 
 MOVED, MINUTE = 2.0, 60.0
-"""Standard deviations by which a level must move to be reported; [s] length of a minute"""
+"""MOVED: standard deviations by which a reported level moves. MINUTE: [s] length of a minute"""
 UNKNOWN = 20.0
 """Ratio of a level's standard deviation to the channel's noise, above which the level is unknown"""
 
@@ -99,8 +99,7 @@ def _value(phrase: Phrase, text: str) -> str:
 
 
 def in_words(name: str, level: float, deviation: float, model: str) -> str:
-    """Sentence on a channel's level, rounded by its standard deviation; empty if the level is
-    unknown."""
+    """Sentence on a channel's level, rounded by its standard deviation; empty if unknown."""
     phrase = PHRASES[name]
     if not (math.isfinite(level) and 0.0 < deviation < UNKNOWN * NOISES[name]):
         return ""

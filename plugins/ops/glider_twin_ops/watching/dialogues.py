@@ -123,7 +123,7 @@ COUNTERS = re.compile(r"^(-?\d+(?::-?[\d.]+){3,})(?: (.*))?$", re.MULTILINE)
 CALL_FIX = re.compile(r"GPS,(\d{6}),(\d{6}),(-?[\d.]+),(-?[\d.]+),(?:-?[\d.]+,(-?[\d.]+),)?")
 """Pattern of a fix; group 5 is the dilution of precision, behind the seconds to the first fix"""
 NO_DILUTION = 99.0
-"""Least dilution that means no fix: receivers without a fix write 99 or 99.9"""
+"""Smallest dilution that means no fix: receivers without a fix write 99 or 99.9"""
 CODES = {
     "dive ended by": re.compile(r"^EOP_CODE=(\w+)", re.MULTILINE),
     "stays up by": re.compile(r"^RECOV_CODE=(\w+)", re.MULTILINE),

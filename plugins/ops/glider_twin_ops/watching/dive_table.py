@@ -16,7 +16,7 @@ from twin.records.attributes import DIVE_DURATION
 from twin.records.coordinates import utc_minute
 
 MOST_ROWS = 12
-"""Most rows of the table: the last dives"""
+"""Maximum number of rows of the table: the last dives"""
 DESCENT, CLIMB = 1, 2
 """Values of `measured_phase`"""
 HOUR, KILO = 3600.0, 1e3

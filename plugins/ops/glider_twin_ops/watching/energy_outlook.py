@@ -22,8 +22,8 @@ DEEPER, STEEPER_DEG = 1.5, 6.0
 LESS = {"half the samples": ("payload", 0.5), "thruster off": ("thruster", 1.0)}
 """Consumer and fraction of its power that each change saves"""
 SAFE, OWN_DAYS, STEPS = 0.05, 2.0, 500
-"""Fraction of draws that may fail to reach home when turning on the last safe day; [d] time between
-independent currents, as in forecasts; number of turning times evaluated"""
+"""SAFE: largest fraction of draws that fail to reach home after turning on the last safe day.
+OWN_DAYS: [d] time between independent currents, as in forecasts. STEPS: number of turning times"""
 DAY, KILO = 86400.0, 1e3
 
 

@@ -36,10 +36,11 @@ from twin.records.attributes import DIVE_DURATION
 from twin.show.style import moment_of
 
 LAST, STEEP = 5, 8.0
-"""Number of last dives whose median depth, pitch and duration the plan repeats; [degree] pitch
-above which a sample belongs to a glide"""
+"""LAST: number of last dives whose median depth, pitch and duration the plan repeats. STEEP:
+[degree] pitch above which a sample belongs to a glide"""
 ON, RADIUS = 50_000.0, 500.0
-"""[m] Distance of a guessed target, beyond a forecast's reach; arrival radius of `twin forecast`"""
+"""[m] ON: distance of a guessed target, beyond any forecast. RADIUS: arrival radius of a
+forecast"""
 ARRIVED = 1_000.0
 """[m] Distance at which a logged waypoint counts as reached, so that the next one is unknown"""
 HOUR, MINUTE, KILO = 3600.0, 60.0, 1e3

@@ -60,9 +60,9 @@ from twin.records.storage import whole_folder
 LEARNED = ("neutral_density", "drag", "lift_ratio", "compressibility", "pitch_offset")
 """Parameters that a few dives can determine; a compass needs many, because the current changes"""
 COUNT, EXCHANGES = 3, 5
-"""Number of proposed dives, and most rounds of exchange"""
+"""COUNT: number of proposed dives. EXCHANGES: maximum number of rounds of exchange"""
 PITCHES_DEG, DEPTHS, TURNS_DEG = (16.0, 20.0, 26.0, 35.0, 45.0), (0.6, 1.0), (0, 90, 180, 270)
-"""Pitches, fractions of the usual depth, and turns [degree] from the usual course to starboard"""
+"""DEPTHS: fractions of the usual depth. TURNS_DEG: turns from the usual course to starboard"""
 REACHES = (0.4, 0.65, 0.9)
 """Fractions of the heaviest net mass in dives and of the lightest in climbs"""
 NOISE = {
@@ -281,11 +281,11 @@ def slopes_of(
 
 LEARN, DIVE, SAID = "learn", "dive.txt", "proposed.json"
 LAST, LONGER = 20, 1.5
-"""Number of last dives that give the information so far, 0.4 s each; longest flight of the files,
-as a multiple of the dive's duration"""
+"""LAST: number of last dives that give the information so far, 0.4 s each. LONGER: longest flight
+of the files over the dive's duration"""
 AHEAD, RADIUS, SHALLOW = 30_000.0, 500.0, 8.0
-"""[m] Distance of the target that sets a dive's course, beyond a dive's reach; arrival radius;
-depth of the upper turn"""
+"""[m] AHEAD: distance of the target that sets a dive's course, beyond a dive's reach. RADIUS: of
+arrival. SHALLOW: depth of the upper turn"""
 MINUTE, HOUR = 60.0, 3600.0
 BY_HAND = "its files have no climb: here it climbs as steep and as light as it dives heavy"
 

@@ -65,7 +65,7 @@ from twin.water.current import parse_field
 Told = TypeVar("Told")
 KILO, HOUR = 1e3, 3600.0
 NEWER = 60.0
-"""[s] Least time between two fixes of which one counts as newer"""
+"""[s] Smallest time between two fixes of which one counts as newer"""
 FORECAST = "forecast"
 """Name of the forecast; if it is missing, its reason is the first in `Morning.missing`"""
 MOST_FOLLOWED = 30
