@@ -23,6 +23,7 @@ from docs_dictionary import dictionary_page  # noqa: E402
 from docs_examples import examples_page  # noqa: E402
 from docs_markdown import escaped  # noqa: E402
 
+from benchmarks.real_logs.row import kept, tables  # noqa: E402
 from twin.cli.program import Program, ProgramCommand  # noqa: E402
 
 PROGRAMS = ("twin", "factory", "learn")
@@ -67,6 +68,7 @@ def generated_pages() -> dict[str, str]:
     pages |= {f"reference/python/{page}.md": python_page(face) for page, face in FACES.items()}
     pages["reference/signals.md"] = dictionary_page()
     pages["examples.md"] = examples_page()
+    pages["results/real_logs_tables.md"] = measured_page()
     for name in ("CHANGELOG", "CONTRIBUTING"):
         pages[f"project/{name.lower()}.md"] = root_page(name)
     return pages
@@ -211,6 +213,20 @@ def area(place: str) -> str:
 
 def _directive(face: str, name: str, place: str) -> str:
     return f"::: {place}\n    options:\n      heading: {face}.{name}\n      toc_label: {name}\n"
+
+
+# --- results ------------------------------------------------------------------------------------
+
+
+def measured_page() -> str:
+    """Make the page with every table of the benchmark on public logs, from what it kept."""
+    text = "".join(
+        f"\n## {task[0].upper()}{task[1:]}\n\n{one}" for task, one in tables(kept()).items()
+    )
+    return (
+        "# Public logs, every table\n\n[Public logs](real_logs.md) has rules and words. "
+        "Bold is the least error of a line or table.\n" + text
+    )
 
 
 # --- pages beside docs/ -------------------------------------------------------------------------
