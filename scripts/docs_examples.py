@@ -43,6 +43,12 @@ Times are processor times (two cores, no GPU). The very first run compiles the p
 a minute more.
 """
 
+OWN = """\
+## Types of your own
+
+One file each: [types of your own](howto/extending.md) has their commands.
+"""
+
 README = """\
 # Examples
 
@@ -75,7 +81,8 @@ def examples_page() -> str:
     """Make the site's page in Markdown."""
     cards = "\n".join(_card(path) for path in examples())
     grid = f'<div class="grid cards" markdown>\n\n{cards}\n</div>\n'
-    return "\n".join([INTRODUCTION, grid, *(_section(path) for path in examples())])
+    own = [_file(path) for path in sorted((EXAMPLES / "own_types").iterdir()) if path.is_file()]
+    return "\n".join([INTRODUCTION, grid, *(_section(path) for path in examples()), OWN, *own])
 
 
 def readme() -> str:
@@ -124,6 +131,13 @@ def _section(path: Path) -> str:
         f"![{title(path)}](gallery/examples/{path.stem}.png){{ width=560 }}\n\n"
         f'```python title="examples/{place(path)}"\n{code}\n```\n'
     )
+
+
+def _file(path: Path) -> str:
+    """Section of the site's page on a file of examples/own_types: its text."""
+    text = path.read_text(encoding="utf-8").rstrip()
+    language = {".py": "python", ".toml": "toml"}[path.suffix]
+    return f'### {path.name}\n\n```{language} title="examples/{place(path)}"\n{text}\n```\n'
 
 
 def measured(path: Path) -> float:

@@ -22,8 +22,8 @@ sys.path.insert(0, str(ROOT))
 from docs_dictionary import dictionary_page  # noqa: E402
 from docs_examples import examples_page  # noqa: E402
 from docs_markdown import escaped  # noqa: E402
+from docs_settings import settings_page  # noqa: E402
 
-from benchmarks.real_logs.row import kept, tables  # noqa: E402
 from twin.cli.program import Program, ProgramCommand  # noqa: E402
 
 PROGRAMS = ("twin", "factory", "learn")
@@ -67,6 +67,7 @@ def generated_pages() -> dict[str, str]:
     pages = {f"reference/commands/{name}.md": command_page(name) for name in PROGRAMS}
     pages |= {f"reference/python/{page}.md": python_page(face) for page, face in FACES.items()}
     pages["reference/signals.md"] = dictionary_page()
+    pages["reference/settings.md"] = settings_page()
     pages["examples.md"] = examples_page()
     pages["results/real_logs_tables.md"] = measured_page()
     for name in ("CHANGELOG", "CONTRIBUTING"):
@@ -220,8 +221,13 @@ def _directive(face: str, name: str, place: str) -> str:
 
 def measured_page() -> str:
     """Make the page with every table of the benchmark on public logs, from what it kept."""
-    text = "".join(
-        f"\n## {task[0].upper()}{task[1:]}\n\n{one}" for task, one in tables(kept()).items()
+    from benchmarks.real_logs.row import kept, tables
+    from benchmarks.real_logs.truth import table  # loads what it measures
+
+    rows = kept()
+    text = f"\n## Every measured velocity\n\nThe simple rival is in italics.\n\n{table(rows, True)}"
+    text += "".join(
+        f"\n## {task[0].upper()}{task[1:]}\n\n{one}" for task, one in tables(rows).items()
     )
     return (
         "# Public logs, every table\n\n[Public logs](real_logs.md) has rules and words. "

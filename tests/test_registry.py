@@ -11,7 +11,7 @@ import sys
 
 import numpy as np
 import pytest
-from examples import ROOT, blocks, files_of, needs_docs, run, script
+from examples import OWN, ROOT, blocks, needs_docs, own_type, run, script
 
 import factory.seams
 import learn.seams
@@ -310,8 +310,7 @@ def test_the_table_of_sensors_is_the_registry_s():
 @needs_docs
 def test_a_sensor_of_one_s_own_flies_in_one_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with files_of("docs/reference/sensors.md", tmp_path) as modules:
-        assert modules == ["turbidity"]
+    with own_type("turbidity"):
         try:
             names = run("docs/reference/sensors.md")
             stored = names["store"]
@@ -341,7 +340,7 @@ def test_an_installed_sensor_needs_no_import(tmp_path):
     (installed / "entry_points.txt").write_text(
         "[glider_twin.sensors]\nturbidity = turbidity:Turbidity\n"
     )
-    with files_of("docs/reference/sensors.md", tmp_path):
+    with own_type("turbidity"):
         code = (
             "from factory.__main__ import PROGRAM; made = PROGRAM.main("
             "'generate --hours 0.2 --sensors field+turbidity --workers 1 --out m.zarr'.split());"
@@ -349,7 +348,7 @@ def test_an_installed_sensor_needs_no_import(tmp_path):
         )
         done = subprocess.run(
             [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True,
-            env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"},
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (ROOT, tmp_path, OWN)))},
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
     data = twin.open_store(tmp_path / "m.zarr")
@@ -394,11 +393,11 @@ def test_the_table_of_figures_is_the_registry_s():
 
 
 @needs_docs
-def test_a_figure_of_one_s_own_is_drawn_by_name(tmp_path):
+def test_a_figure_of_one_s_own_is_drawn_by_name():
     flown = twin.simulate(duration=60.0)
-    with files_of("docs/howto/render.md", tmp_path) as (module,):
+    with own_type("speed_histogram"):
         try:
-            __import__(module)
+            importlib.import_module("speed_histogram")
             figure = flown.plot("speed_histogram", bins=7)
             assert len(figure.axes[0].patches) == 7
             assert "speed_histogram" in twin.figure_names()

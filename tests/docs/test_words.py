@@ -1,10 +1,10 @@
 """Words: how much there is to read, folder by folder, as a person reads it.
 
 Who needs more words takes them from another row of the table, in the same commit, with the reason;
-a row that has fewer is lowered to what it has. `python -m tests.docs.test_words` prints today's table,
-`--pages` each page. Code blocks and tables count, front matter, comments and addresses of links do not. Pages that
-`make docs` makes whole are not in the checkout and do not count; tables that scripts write into a
-page (CONTRIBUTING.md lists them) do.
+a row that has fewer is lowered to what it has. `python -m tests.docs.test_words` prints today's
+table, with `--pages` that of each page. Code blocks and tables count; front matter, comments and
+addresses of links do not. Pages that `make docs` makes whole are not in the checkout and do not
+count; tables that scripts write into a page (CONTRIBUTING.md lists them) do.
 """
 
 import re
@@ -47,7 +47,7 @@ def pages() -> dict[str, int]:
 
 
 def folders() -> dict[str, int]:
-    """Words by folder; a plugin's pages count as those of `plugins`, a page of the root by itself."""
+    """Words by folder; all plugins are one, and each page of the root is one by itself."""
     found = Counter[str]()
     for name, number in pages().items():
         parts = name.split("/")[:-1]
