@@ -59,7 +59,8 @@ Short programs, each with a picture and a few printed lines:
 They write into the folder where they run. Times are processor times (two cores, no GPU); the very
 first run compiles the physics, about half a minute more. `make gallery` makes all pictures again
 but the last, which trains for minutes. `make docs` shows the code beside them. The
-[tutorials](../docs/tutorials/index.md) go further.
+[tutorials](../docs/tutorials/index.md) go further; `own_types/` has a file of each
+[type of your own](../docs/howto/extending.md).
 
 | | | |
 |---|---|---|
@@ -89,7 +90,7 @@ def readme() -> str:
     """Make examples/README.md in Markdown, with three pictures in a row."""
     cells = [
         f"[![{title(path)}](../docs/gallery/examples/{path.stem}.png)]({place(path)})"
-        f"<br>[{title(path)}]({place(path)}), {duration(path)}: {parts(path)[0]}"
+        f"<br>[{title(path)}]({place(path)}), {duration(path)}"
         for path in examples()
     ]
     rows = [cells[k : k + 3] for k in range(0, len(cells), 3)]

@@ -1,6 +1,6 @@
-"""Settings of currents and keys of mission segments: a page of the site, made from the classes.
+"""Types and their settings, of which docs_reference.py makes a page: currents, segments, others.
 
-python scripts/docs_settings.py                # both, in Markdown
+python scripts/docs_settings.py                # all, in Markdown
 python scripts/docs_settings.py grid hover     # some of them
 """
 
@@ -17,10 +17,12 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from architecture import seam_table  # noqa: E402
 from docs_markdown import escaped, table  # noqa: E402
 
+from factory.seams import IMPORTERS  # noqa: E402
 from twin.mission import Mission  # noqa: E402
-from twin.seams import CURRENTS, SEGMENTS  # noqa: E402
+from twin.seams import CURRENTS, FIGURES, SEGMENTS, SENSORS  # noqa: E402
 
 OWN_FORMS = ("uniform", "profile", "tide", "series")
 """Currents whose texts are more than NAME=VALUE: docs/reference/currents.md has them"""
@@ -31,15 +33,33 @@ def settings_page() -> str:
     """Make the page in Markdown."""
     sections = sections_by_name()
     return (
-        "# Settings of currents and segments\n\n[Currents](currents.md) and [missions](missions.md)"
-        " have equations and examples. A default of None is explained beside it.\n\n"
+        "# Types and their settings\n\n[Currents](currents.md) and [missions](missions.md) have "
+        "equations and examples. A default of None is explained beside it.\n\n"
         + "\n".join(sections.values())
     )
 
 
 def sections_by_name() -> dict[str, str]:
-    """Section of each current and segment, by its name in texts and files."""
-    made = {}
+    """Section of each current and segment, by its name in texts and files; then of the others."""
+    logs = [
+        (f"`{one.name}`", one.vehicle, one.files, one.channels, f"{one.period:g} s")
+        for one in IMPORTERS.values()
+    ]
+    figures = [(f"`{name}`", FIGURES[name].summary) for name in FIGURES.shipped()]
+    sensors = [
+        (
+            f"`{name}`",
+            ", ".join(f"`{one.name}`" for one in SENSORS[name].writes) or "`measured_PART`",
+        )
+        for name in SENSORS.shipped()
+    ]
+    made = {
+        "logs": "## Types of log\n\n"
+        + table(("type", "vehicle", "files", "channels", "period"), logs),
+        "figures": "## Figures\n\n" + table(("`--figure`", "shows"), figures),
+        "sensors": "## Sensors\n\n" + table(("sensor", "measures"), sensors),
+        "points": f"## Extension points\n\n{seam_table()}",
+    }
     for name in CURRENTS.shipped():
         if name not in OWN_FORMS:
             usage = ", ".join(f"`{text}`" for text in CURRENTS[name].usage)

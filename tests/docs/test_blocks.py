@@ -38,14 +38,14 @@ RUN = {
     "docs/gallery.md": {"tests/twin/show/render/test_gallery.py": 7},
     "docs/howto/cluster.md": {"tests/docs/test_cluster.py": 13},
     "docs/howto/dm_control.md": {
-        "tests/twin/control/test_control_tasks.py": 3,
+        "tests/twin/control/test_control_tasks.py": 2,
         "tests/twin/control/test_glider_env.py": 4,
     },
     "docs/howto/erddap.md": {"tests/factory/exporting/test_erddap_export.py": 1},
     "docs/howto/extending.md": {"tests/docs/test_extending.py": 6},
     "docs/howto/flight.md": {HERE: 2},
     "docs/howto/forecast.md": {"tests/docs/test_front_page.py": 3},
-    "docs/howto/identify.md": {HERE: 2},
+    "docs/howto/identify.md": {HERE: 1},
     "docs/howto/import_logs.md": {HERE: 1},
     "docs/howto/import_messages.md": {
         "plugins/protocols/tests/test_dorado.py": 1,
@@ -67,7 +67,7 @@ RUN = {
     },
     "docs/howto/serve.md": {"plugins/protocols/tests/test_serve.py": 2},
     "docs/howto/xarray.md": {"plugins/pipelines/tests/test_accessor.py": 1},
-    "docs/howto/train.md": {HERE: 2},
+    "docs/howto/train.md": {HERE: 1},
     "docs/index.md": {"tests/docs/test_front_page.py": 3, HERE: 1},
     "docs/reference/currents.md": {
         "tests/twin/water/test_current_docs.py": 1,

@@ -159,11 +159,7 @@ def test_a_file_that_looks_like_no_log(tmp_path):
 
 
 @pytest.mark.parametrize("importer", list(IMPORTERS.values()), ids=lambda one: one.name)
-def test_the_page_has_a_row_of_each_importer(importer):
-    row = (
-        f"| `{importer.name}` | {importer.vehicle} | {importer.channels} | {importer.period:g} s |"
-    )
-    assert row in PAGE
+def test_the_page_has_a_command_of_each_importer(importer):
     assert f"factory import {importer.name} " in PAGE
 
 
