@@ -53,7 +53,6 @@ RUN = {
     },
     "docs/howto/import_tables.md": {
         "tests/factory/importing/test_csv.py": 1,
-        "tests/factory/importing/test_importers.py": 1,
     },
     "docs/howto/index.md": {"tests/test_faces.py": 1},
     "docs/howto/navigation.md": {HERE: 4},
@@ -76,7 +75,6 @@ RUN = {
     "docs/reference/factory.md": {
         HERE: 4,
         "tests/factory/test_windows.py": 2,
-        "tests/factory/exporting/test_exporters.py": 1,
     },
     "docs/reference/import.md": {HERE: 1},
     "docs/reference/missions.md": {"tests/twin/mission/test_mission.py": 5},
