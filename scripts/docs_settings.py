@@ -11,6 +11,7 @@ import dataclasses
 import inspect
 import sys
 import textwrap
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from docs_markdown import escaped, table  # noqa: E402
 from factory.seams import IMPORTERS  # noqa: E402
 from twin.mission import Mission  # noqa: E402
 from twin.seams import CURRENTS, FIGURES, SEGMENTS, SENSORS  # noqa: E402
+from twin.water.current import axes, velocity_file  # noqa: E402
 
 OWN_FORMS = ("uniform", "profile", "tide", "series")
 """Currents whose texts are more than NAME=VALUE: docs/reference/currents.md has them"""
@@ -58,6 +60,7 @@ def sections_by_name() -> dict[str, str]:
         + table(("type", "vehicle", "files", "channels", "period"), logs),
         "figures": "## Figures\n\n" + table(("`--figure`", "shows"), figures),
         "sensors": "## Sensors\n\n" + table(("sensor", "measures"), sensors),
+        "grid-names": "## Names in gridded files\n\n" + grid_names(),
         "points": f"## Extension points\n\n{seam_table()}",
     }
     for name in CURRENTS.shipped():
@@ -70,6 +73,20 @@ def sections_by_name() -> dict[str, str]:
         fields = {field.name: field.name for field in dataclasses.fields(SEGMENTS[name])}
         made[name] = section(name, SEGMENTS[name], fields, f'`kind = "{name}"`')
     return made
+
+
+def grid_names() -> str:
+    """Names by which the type `grid` finds velocities and axes in a file."""
+    rows = [
+        (part, _listed(names), _listed(velocity_file.ALIASES.get(part, ())))
+        for part, names in velocity_file.STANDARD_NAMES.items()
+    ]
+    rows += [(axis, "", _listed(names)) for axis, names in axes.AXIS_NAMES.items()]
+    return table(("component, axis", "standard names", "names"), rows)
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
 
 
 def section(name: str, cls: type, settings: dict[str, str], usage: str) -> str:
