@@ -124,5 +124,8 @@ def default(cls: Any, name: str) -> str:
 
 
 if __name__ == "__main__":
-    chosen = sys.argv[1:] or list(sections_by_name())
-    print("\n".join(sections_by_name()[name] for name in chosen))
+    made = sections_by_name()
+    chosen = sys.argv[1:] or list(made)
+    if unknown := [name for name in chosen if name not in made]:
+        sys.exit(f"unknown {', '.join(unknown)} (allowed: {', '.join(made)})")
+    print("\n".join(made[name] for name in chosen))

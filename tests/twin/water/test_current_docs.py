@@ -9,6 +9,7 @@ from pathlib import Path
 
 from examples import script
 
+from twin.seams import CURRENTS
 from twin.water.current import (
     Origin,
     TidalEllipse,
@@ -93,6 +94,16 @@ def test_every_kind_has_a_section_and_a_line_of_help():
     assert len(set(sections)) == len(sections)
     assert set(sections) == helped
     assert set(KINDS) | {"none"} == set(sections)
+
+
+def test_the_page_has_a_row_for_each_example():
+    table = PAGE.split("| example | what |")[1].split("\n\n")[0].splitlines()[2:]
+    rows = dict(re.fullmatch(r"\| `(.+?)` \| (.+) \|", line).groups() for line in table)
+    assert rows.pop("none") == "still water"
+    expected = {}
+    for name in CURRENTS.shipped():
+        expected.update(CURRENTS[name].usage)
+    assert rows == expected
 
 
 def test_names_that_grids_understand():
