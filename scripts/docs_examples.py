@@ -43,6 +43,12 @@ Times are processor times (two cores, no GPU). The very first run compiles the p
 a minute more.
 """
 
+OWN = """\
+## Types of your own
+
+One file each: [types of your own](howto/extending.md) has their commands.
+"""
+
 README = """\
 # Examples
 
@@ -53,7 +59,8 @@ Short programs, each with a picture and a few printed lines:
 They write into the folder where they run. Times are processor times (two cores, no GPU); the very
 first run compiles the physics, about half a minute more. `make gallery` makes all pictures again
 but the last, which trains for minutes. `make docs` shows the code beside them. The
-[tutorials](../docs/tutorials/index.md) go further.
+[tutorials](../docs/tutorials/index.md) go further; `own_types/` has a file of each
+[type of your own](../docs/howto/extending.md).
 
 | | | |
 |---|---|---|
@@ -75,14 +82,15 @@ def examples_page() -> str:
     """Make the site's page in Markdown."""
     cards = "\n".join(_card(path) for path in examples())
     grid = f'<div class="grid cards" markdown>\n\n{cards}\n</div>\n'
-    return "\n".join([INTRODUCTION, grid, *(_section(path) for path in examples())])
+    own = [_file(path) for path in sorted((EXAMPLES / "own_types").iterdir()) if path.is_file()]
+    return "\n".join([INTRODUCTION, grid, *(_section(path) for path in examples()), OWN, *own])
 
 
 def readme() -> str:
     """Make examples/README.md in Markdown, with three pictures in a row."""
     cells = [
         f"[![{title(path)}](../docs/gallery/examples/{path.stem}.png)]({place(path)})"
-        f"<br>[{title(path)}]({place(path)}), {duration(path)}: {parts(path)[0]}"
+        f"<br>[{title(path)}]({place(path)}), {duration(path)}"
         for path in examples()
     ]
     rows = [cells[k : k + 3] for k in range(0, len(cells), 3)]
@@ -124,6 +132,13 @@ def _section(path: Path) -> str:
         f"![{title(path)}](gallery/examples/{path.stem}.png){{ width=560 }}\n\n"
         f'```python title="examples/{place(path)}"\n{code}\n```\n'
     )
+
+
+def _file(path: Path) -> str:
+    """Section of the site's page on a file of examples/own_types: its text."""
+    text = path.read_text(encoding="utf-8").rstrip()
+    language = {".py": "python", ".toml": "toml"}[path.suffix]
+    return f'### {path.name}\n\n```{language} title="examples/{place(path)}"\n{text}\n```\n'
 
 
 def measured(path: Path) -> float:

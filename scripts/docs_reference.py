@@ -22,6 +22,7 @@ sys.path.insert(0, str(ROOT))
 from docs_dictionary import dictionary_page  # noqa: E402
 from docs_examples import examples_page  # noqa: E402
 from docs_markdown import escaped  # noqa: E402
+from docs_settings import settings_page  # noqa: E402
 
 from twin.cli.program import Program, ProgramCommand  # noqa: E402
 
@@ -66,7 +67,9 @@ def generated_pages() -> dict[str, str]:
     pages = {f"reference/commands/{name}.md": command_page(name) for name in PROGRAMS}
     pages |= {f"reference/python/{page}.md": python_page(face) for page, face in FACES.items()}
     pages["reference/signals.md"] = dictionary_page()
+    pages["reference/settings.md"] = settings_page()
     pages["examples.md"] = examples_page()
+    pages["results/real_logs_tables.md"] = measured_page()
     for name in ("CHANGELOG", "CONTRIBUTING"):
         pages[f"project/{name.lower()}.md"] = root_page(name)
     return pages
@@ -211,6 +214,25 @@ def area(place: str) -> str:
 
 def _directive(face: str, name: str, place: str) -> str:
     return f"::: {place}\n    options:\n      heading: {face}.{name}\n      toc_label: {name}\n"
+
+
+# --- results ------------------------------------------------------------------------------------
+
+
+def measured_page() -> str:
+    """Make the page with every table of the benchmark on public logs, from what it kept."""
+    from benchmarks.real_logs.row import kept, tables
+    from benchmarks.real_logs.truth import table  # loads what it measures
+
+    rows = kept()
+    text = f"\n## Every measured velocity\n\nThe simple rival is in italics.\n\n{table(rows, True)}"
+    text += "".join(
+        f"\n## {task[0].upper()}{task[1:]}\n\n{one}" for task, one in tables(rows).items()
+    )
+    return (
+        "# Public logs, every table\n\n[Public logs](real_logs.md) has rules and words. "
+        "Bold is the least error of a line or table.\n" + text
+    )
 
 
 # --- pages beside docs/ -------------------------------------------------------------------------

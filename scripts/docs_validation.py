@@ -27,25 +27,22 @@ DECIMALS = {"turn_rate": 5, "speed": 4, "vertical_speed": 4}
 """Decimals shown, 3 by default: those of the finest print, without rounding noise"""
 HEADS = {
     "printed": "| vehicle, source | figure | printed | MuJoCo | Fossen | allowed difference |",
-    "solved": "| settings | speed [m/s] | angle of attack [deg] | sideslip [deg] | roll [deg] "
-    "| pitch [deg] | turn rate [rad/s] | MuJoCo | Fossen |",
 }
 
 
 def tables() -> dict[str, str]:
-    """Make the tables, Markdown by name: printed figures, and solutions of printed equations."""
-    rows: dict[str, list[str]] = {"printed": [], "solved": []}
+    """Make the table of printed figures, Markdown by name."""
+    rows: list[str] = []
     found: dict[int, dict[str, Trim]] = {}
     motions: dict[int, PublishedMotion] = {}
     for motion, model, trim in check_published():
-        found.setdefault(id(motion), {})[model] = trim
-        motions[id(motion)] = motion
+        if not motion.source.startswith(OURS):
+            found.setdefault(id(motion), {})[model] = trim
+            motions[id(motion)] = motion
     for key, motion in motions.items():
-        kind = "solved" if motion.source.startswith(OURS) else "printed"
-        make = solved_rows if kind == "solved" else motion_rows
-        rows[kind] += make(motion, found[key])
-    line = {kind: "|" + "---|" * (head.count("|") - 1) for kind, head in HEADS.items()}
-    return {kind: "\n".join([HEADS[kind], line[kind], *rows[kind]]) + "\n" for kind in rows}
+        rows += motion_rows(motion, found[key])
+    head = HEADS["printed"]
+    return {"printed": "\n".join([head, "|" + "---|" * (head.count("|") - 1), *rows]) + "\n"}
 
 
 def settings(motion: PublishedMotion) -> str:
@@ -53,20 +50,6 @@ def settings(motion: PublishedMotion) -> str:
     if not hasattr(motion, "net_mass"):
         return ""
     return f"{motion.net_mass:g} kg, {1000 * motion.shift:g} mm, {motion.rotation:g} deg"
-
-
-def solved_rows(motion: PublishedMotion, trims: dict[str, Trim]) -> list[str]:
-    """Table row of a solved motion: its figures, and the largest difference over the allowed one
-    of each model."""
-    figures = [f"{value:g}" for name in FIGURES if (value := getattr(motion, name)) is not None]
-    worst = [
-        max(
-            abs(value) / motion.tolerance["angle" if name in ANGLES else name]
-            for name, value in motion.differences(trims[model]).items()
-        )
-        for model in ("mujoco", "fossen")
-    ]
-    return [f"| {' | '.join([settings(motion), *figures, *(f'{one:.1f}' for one in worst)])} |"]
 
 
 def motion_rows(motion: PublishedMotion, trims: dict[str, Trim]) -> list[str]:

@@ -14,6 +14,8 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+OWN = ROOT / "examples" / "own_types"
+"""Files with a type of one's own each"""
 BLOCK = re.compile(r"^```python(?: file=([\w.]+))?\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 needs_docs = pytest.mark.skipif(
@@ -27,21 +29,15 @@ def blocks(page: str) -> list[tuple[str, str]]:
 
 
 @contextlib.contextmanager
-def files_of(page: str, folder: Path) -> Iterator[list[str]]:
-    """Write a page's files into `folder` and make them importable; gives their modules' names."""
-    names = []
-    for name, text in blocks(page):
-        if name:
-            (folder / name).write_text(text)
-            names.append(Path(name).stem)
-    sys.path.insert(0, str(folder))
+def own_type(name: str) -> Iterator[None]:
+    """Make the files of examples/own_types importable, and forget module `name` afterwards."""
+    sys.path.insert(0, str(OWN))
     importlib.invalidate_caches()
     try:
-        yield names
+        yield
     finally:
-        sys.path.remove(str(folder))
-        for name in names:
-            sys.modules.pop(name, None)
+        sys.path.remove(str(OWN))
+        sys.modules.pop(name, None)
 
 
 def script(name: str) -> ModuleType:

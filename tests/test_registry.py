@@ -11,7 +11,7 @@ import sys
 
 import numpy as np
 import pytest
-from examples import ROOT, blocks, files_of, needs_docs, run, script
+from examples import OWN, ROOT, blocks, needs_docs, own_type, run, script
 
 import factory.seams
 import learn.seams
@@ -27,9 +27,7 @@ from twin.records.schema import HYDROGRAPHY, LOGGED_ONLY, SIMULATED, VARIABLES, 
 from twin.records.trajectory import actuator_names
 from twin.registry import Registry
 from twin.sensors import SENSORS, Attitude, Sensor, SensorSuite
-from twin.sensors.base import table as sensor_table
 from twin.show.figures.base import FIGURES, FigureKind
-from twin.show.figures.base import table as figure_table
 
 TABLES = (twin.seams, factory.seams, learn.seams)
 REGISTRIES = [row for table in TABLES for row in vars(table).values() if isinstance(row, Registry)]
@@ -304,14 +302,17 @@ def test_a_sensor_that_reads_what_nobody_measures_is_refused(monkeypatch):
 
 @needs_docs
 def test_the_table_of_sensors_is_the_registry_s():
-    assert sensor_table() in (ROOT / "docs/reference/sensors.md").read_text()
+    made = script("docs_settings").sections_by_name()["sensors"]
+    page = (ROOT / "docs/reference/sensors.md").read_text()
+    for name in SENSORS.shipped():
+        assert f"| `{name}` | `measured_" in made
+        assert f"`{name}`" in page
 
 
 @needs_docs
 def test_a_sensor_of_one_s_own_flies_in_one_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with files_of("docs/reference/sensors.md", tmp_path) as modules:
-        assert modules == ["turbidity"]
+    with own_type("turbidity"):
         try:
             names = run("docs/reference/sensors.md")
             stored = names["store"]
@@ -341,7 +342,7 @@ def test_an_installed_sensor_needs_no_import(tmp_path):
     (installed / "entry_points.txt").write_text(
         "[glider_twin.sensors]\nturbidity = turbidity:Turbidity\n"
     )
-    with files_of("docs/reference/sensors.md", tmp_path):
+    with own_type("turbidity"):
         code = (
             "from factory.__main__ import PROGRAM; made = PROGRAM.main("
             "'generate --hours 0.2 --sensors field+turbidity --workers 1 --out m.zarr'.split());"
@@ -349,7 +350,7 @@ def test_an_installed_sensor_needs_no_import(tmp_path):
         )
         done = subprocess.run(
             [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True,
-            env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"},
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (ROOT, tmp_path, OWN)))},
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
     data = twin.open_store(tmp_path / "m.zarr")
@@ -390,15 +391,19 @@ def test_a_figure_that_is_only_half_there_is_refused(changes, message):
 
 @needs_docs
 def test_the_table_of_figures_is_the_registry_s():
-    assert figure_table() in (ROOT / "docs/howto/render.md").read_text()
+    made = script("docs_settings").sections_by_name()["figures"]
+    page = (ROOT / "docs/howto/render.md").read_text()
+    for name in FIGURES.shipped():
+        assert f"| `{name}` | {FIGURES[name].summary} |" in made
+        assert f"`{name}`" in page
 
 
 @needs_docs
-def test_a_figure_of_one_s_own_is_drawn_by_name(tmp_path):
+def test_a_figure_of_one_s_own_is_drawn_by_name():
     flown = twin.simulate(duration=60.0)
-    with files_of("docs/howto/render.md", tmp_path) as (module,):
+    with own_type("speed_histogram"):
         try:
-            __import__(module)
+            importlib.import_module("speed_histogram")
             figure = flown.plot("speed_histogram", bins=7)
             assert len(figure.axes[0].patches) == 7
             assert "speed_histogram" in twin.figure_names()

@@ -1,5 +1,7 @@
 """Row: one figure of the benchmark, with its interval, number of samples and note.
 
+python -m benchmarks.real_logs.row      # every table of what the benchmark kept
+
 Methods are compared at equal samples, for which all of them have a value. Intervals are by
 bootstrap over dives, because samples of one dive share water, trim and errors of the method. Whole
 dives are sampled with replacement; each sample gives a figure (Efron and Tibshirani 1993).
@@ -25,7 +27,7 @@ from twin.navigation.dead_reckoning import Array
 FIGURES = Path(__file__).with_name("published.toml")
 MEASURED = Path(__file__).with_name("measured.json")
 """Rows that `python -m benchmarks.real_logs FOLDER --keep FILE` wrote on the public logs; a test
-compares docs/results/real_logs.md with them"""
+compares docs/results/real_logs.md with them, and `make docs` shows every table of them"""
 UNITS = {
     "m s-1": ("cm/s", 100.0, 2), "m h-1": ("m/h", 1.0, 0), "1": ("ratio", 1.0, 2),
     "m s-1 mean": ("cm/s", 100.0, 2), "m s-1 sd": ("cm/s", 100.0, 2), "1 dive": ("ratio", 1.0, 2),
@@ -264,6 +266,12 @@ def kept(path: Path = MEASURED) -> list[Row]:
     return [Row(**entry) for entry in json.loads(path.read_text(encoding="utf-8"))]
 
 
+def tables(rows: Sequence[Row]) -> dict[str, str]:
+    """Table in Markdown of each task that compares methods, by task."""
+    tasks = dict.fromkeys(row.task for row in rows if row.kind not in NOT_COMPARED)
+    return {task: markdown(rows, task) for task in tasks}
+
+
 def markdown(rows: Sequence[Row], task: str) -> str:
     """Table of one task in Markdown: a line for each method if there is one deployment, else a line
     for each deployment, or for each of many methods. The best figure at equal samples is bold."""
@@ -312,3 +320,7 @@ def _samples(row: Row) -> str:
     if row.samples == row.dives:
         return f"{row.dives} {one}s"
     return f"{row.samples} in {row.dives} {one}{'s' if row.dives > 1 else ''}"
+
+
+if __name__ == "__main__":
+    print("\n".join(f"## {task}\n\n{one}" for task, one in tables(kept()).items()))

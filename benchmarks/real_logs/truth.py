@@ -27,11 +27,19 @@ SETS = {
 """Truth, what the methods know, and the simple method among them, by task"""
 SEEN = re.compile(r"corrected pitch|pitch \+ [124] deg")
 """Methods of the Slocum's table that its Doppler log tuned or chose"""
+BEST = 2
+"""Methods of least error that the short table has of each line"""
+DEFAULTS = {"twin, pitch as logged", "twin", "twin alone", "twin, flight model", "combination"}
+"""Methods that the commands take by themselves"""
 AGAIN = {(stated.TASK, "comet2016"), (left_out.TASK, left_out.TOGETHER)}
 
 
-def table(rows: Sequence[Row]) -> str:
-    """Table in Markdown: a line for each vehicle and what was known, methods by their errors."""
+def table(rows: Sequence[Row], whole: bool = False) -> str:
+    """Table in Markdown: a line for each vehicle and what was known, methods by their errors.
+
+    Args:
+      whole: every method; else those of least error, the default ones and the simple one.
+    """
     lines: dict[tuple[str, str], list[Row]] = {}
     for row in sorted(rows, key=lambda row: row.value):
         if row.unit == "m s-1" and row.kind not in NOT_COMPARED and not SEEN.search(row.method):
@@ -44,7 +52,8 @@ def table(rows: Sequence[Row]) -> str:
             truth, known, rival = SETS[task]
             texts = [
                 f"{star}{cell(row, [])} {row.method.removesuffix(', pitch as logged')}{star}"
-                for row in lines[task, name]
+                for rank, row in enumerate(lines[task, name])
+                if whole or rank < BEST or row.method in {rival, *DEFAULTS}
                 for star in ["*" * (row.method == rival)]
             ]
             samples = lines[task, name][0].samples

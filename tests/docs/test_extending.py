@@ -1,4 +1,4 @@
-"""Every kind of one's own that docs/howto/extending.md shows: its file and command, as written."""
+"""Every type of one's own in examples/own_types, by the commands of docs/howto/extending.md."""
 
 import json
 import os
@@ -9,8 +9,7 @@ import sys
 
 import numpy as np
 import pytest
-from examples import ROOT, needs_docs
-from logs import example
+from examples import OWN, ROOT, needs_docs
 
 import learn
 from factory.samples import Flight, write_csv
@@ -20,7 +19,6 @@ from twin.records.store import open_store
 
 pytestmark = needs_docs
 
-FILE = re.compile(r"^```(?:python|toml) file=([\w.]+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 SHELL = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 FLIGHT = Flight()
@@ -40,28 +38,13 @@ if __name__ == "__main__":
 """
 
 
-def page(name="howto/extending.md"):
-    return (ROOT / "docs" / name).read_text(encoding="utf-8")
-
-
-def fenced(name, mark):
-    """The one Python example of a page that contains `mark`."""
-    blocks = re.findall(r"^```python[^\n]*\n(.*?)^```", page(name), re.MULTILINE | re.DOTALL)
-    (text,) = [block for block in blocks if mark in block]
-    return text
+def page():
+    return (ROOT / "docs" / "howto" / "extending.md").read_text(encoding="utf-8")
 
 
 def files():
-    """Text of each file of the page, and of the pages that it leads to."""
-    return {
-        **dict(FILE.findall(page())),
-        "jet.py": fenced("reference/currents.md", "class Jet"),
-        "turbidity.py": fenced("reference/sensors.md", "class Turbidity"),
-        "leaky.py": fenced("reference/networks.md", "class Leaky"),
-        "speed_histogram.py": fenced("howto/render.md", "FigureKind("),
-        "my_logs.py": example(page("howto/import_tables.md"), "my_logs.py"),
-        "my_format.py": example(page("reference/factory.md"), "my_format.py"),
-    }
+    """Text of each file with a type of one's own."""
+    return {one.name: one.read_text("utf-8") for one in OWN.iterdir() if one.is_file()}
 
 
 def commands():
@@ -105,12 +88,14 @@ def _write_log(folder):
     write_csv(folder / "log.csv", columns)
 
 
-def test_every_plugin_of_a_command_is_a_file_of_the_page():
+def test_every_file_is_a_plugin_of_a_command():
     named = {name for names, _ in commands() for name in names.split(os.pathsep) if name}
     assert named == {name for name in files() if name.endswith(".py")} - {
         "own_vehicle.py",
         "braking.py",
+        "two_thirds.py",  # tests/twin/logs/test_flight.py
     }
+    assert [name for name in files() if f"`{name}`" not in page()] == []
 
 
 def test_each_command_took_the_kind_of_its_file(folder):

@@ -2,15 +2,15 @@
 
 import json
 import os
-import re
 import runpy
+import shutil
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 import torch
-from examples import ROOT
+from examples import OWN, ROOT
 
 import learn
 from learn.__main__ import PROGRAM
@@ -273,18 +273,16 @@ def test_a_class_that_no_other_process_finds_needs_one_worker(small_store, tmp_p
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
-    """A folder with the file of the docs."""
+    """A folder with the file of the examples."""
     folder = tmp_path_factory.mktemp("user")
-    page = (ROOT / "docs" / "reference" / "networks.md").read_text("utf-8")
-    (text,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    (folder / "leaky.py").write_text(text)
+    shutil.copy(OWN / "leaky.py", folder)
     return folder
 
 
 def test_a_network_of_ones_own_trains_reloads_evaluates_and_exports(
     place, flown_store, monkeypatch, capsys
 ):
-    """By the file of the docs as a program, which trains in processes of their own."""
+    """By the file of the examples as a program, which trains in processes of their own."""
     small = "--hidden 5 --members 1 --epochs 1 --features sin_pitch depth_rate --workers 2"
     words = f"leaky.py fit {flown_store} --name mine --network leaky {small} --json --no-report"
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}

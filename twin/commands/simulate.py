@@ -45,7 +45,7 @@ class Simulate(EngineOption, JsonOption):
     current: str = "none"
     """current, such as uniform:-0.05,-0.002 (north, east [m/s]) or
     grid:FILE.nc,lat=49,lon=-16,time=2000-01-05; + adds currents;
-    docs/reference/currents.md lists all types and settings"""
+    docs/reference/currents.md lists all types"""
     density: str = "usual"
     """water column: usual (reference density, compressed like sea water if the hull is
     compressible), constant (reference density), thermocline, grid (temperature and salinity of the

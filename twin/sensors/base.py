@@ -273,15 +273,6 @@ register = SENSORS.add
 """Register your own sensor; usable as a decorator."""
 
 
-def table() -> str:
-    """Markdown table of the shipped sensors, for docs/reference/sensors.md."""
-    rows = ["| sensor | measures |", "|---|---|"]
-    for name in SENSORS.shipped():
-        writes = [f"`{entry.name}`" for entry in SENSORS[name].writes] or ["`measured_PART`"]
-        rows.append(f"| `{name}` | {', '.join(writes)} |")
-    return "\n".join(rows) + "\n"
-
-
 def _require(config: Any, names: Iterable[str], fits: Callable[[float], bool], rule: str) -> None:
     """Raise InputError unless the numbers of each named field fit a rule.
 

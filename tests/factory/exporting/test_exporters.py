@@ -8,7 +8,8 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from logs import example, refused, stored
+from examples import OWN
+from logs import refused, stored
 
 from factory.exporting import EXPORTERS
 from factory.generation.generated_store import open_missions
@@ -79,9 +80,7 @@ def test_half_an_exporter_is_refused(change, message):
 
 
 def test_an_exporter_of_ones_own_is_one_file_outside_the_package(log_store, tmp_path):
-    """The example of the page, as it stands there."""
-    (tmp_path / "counts.py").write_text(example(PAGE, "my_format.py"))
-    environment = {**os.environ, "GLIDER_TWIN_PLUGINS": str(tmp_path / "counts.py")}
+    environment = {**os.environ, "GLIDER_TWIN_PLUGINS": str(OWN / "my_format.py")}
     done = subprocess.run(
         [sys.executable, "-m", "factory", "export", str(log_store), "--to", "counts"],
         cwd=ROOT, env=environment, capture_output=True, text=True,

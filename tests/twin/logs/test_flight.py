@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
-from examples import files_of, needs_docs
+from examples import needs_docs, own_type
 from logs import SHARED, stored
 from simulated_logs import simulated_flight
 
@@ -277,9 +277,8 @@ def test_the_shipped_estimators_agree_in_steady_flight(name, flight, store):
 
 
 @needs_docs
-def test_the_example_of_the_page_runs(store, flight, tmp_path):
-    with files_of("docs/howto/flight.md", tmp_path) as names:
-        assert names == ["two_thirds"]
+def test_an_estimator_of_ones_own_runs(store, flight):
+    with own_type("two_thirds"):
         import two_thirds
 
         try:

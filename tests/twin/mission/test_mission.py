@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from examples import script
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from torpedo import TORPEDO
@@ -331,6 +332,10 @@ PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "missions.md").read_t
 )
 
 
+UNITS = ("m", "deg", "kg", "s")
+"""Endings of keys"""
+
+
 def blocks(language):
     return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
 
@@ -358,10 +363,14 @@ def test_every_kind_of_segment_is_described():
 
 
 @pytest.mark.parametrize("cls", [Mission, *(SEGMENTS[kind] for kind in SEGMENTS.shipped())])
-def test_every_key_is_in_the_tables(cls):
-    rows = [line for line in PAGE.splitlines() if line.startswith("| `")]
-    keys = {key for row in rows for key in re.findall(r"`(\w+)`", row.split("|")[1])}
-    assert {field.name for field in dataclasses.fields(cls)} <= keys
+def test_every_key_has_its_unit_in_the_made_tables(cls):
+    sections = script("docs_settings").sections_by_name()
+    section = sections["mission" if cls is Mission else cls.kind]
+    for field in dataclasses.fields(cls):
+        (row,) = re.findall(rf"^\| `{field.name}` \| (.*) \|$", section, re.MULTILINE)
+        last = field.name.removesuffix("_m_s").rpartition("_")[2]
+        unit = "m/s" if field.name.endswith("_m_s") else last if last in UNITS else None
+        assert unit is None or f"[{unit}" in row.replace("\\", ""), row
 
 
 def test_shipped_missions_are_named():

@@ -7,7 +7,7 @@ import re
 import textwrap
 from pathlib import Path
 
-import pytest
+from examples import script
 
 from twin.seams import CURRENTS
 from twin.water.current import (
@@ -27,25 +27,6 @@ PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "currents.md").read_t
     encoding="utf-8"
 )
 KINDS = {kind.kind: kind for kind in kinds()}
-REQUIRED = "required"
-OWN_FORMS = ("uniform", "profile", "tide", "series")
-"""Kinds whose texts are more than NAME=VALUE"""
-WORDS_FOR_NONE = {
-    ("ekman", "lat"): "origin",
-    ("inertial", "lat"): "origin",
-    ("geostrophic", "barotropic_direction"): "as `direction`",
-    ("grid", "lat"): "origin",
-    ("grid", "lon"): "origin",
-    ("grid", "time"): "origin, else the file's first time",
-    ("grid", "u"): "found",
-    ("grid", "v"): "found",
-    ("grid", "w"): "found",
-    ("grid", "units"): "the file's",
-    ("grid", "reach"): "computed",
-    ("grid", "span"): "the duration",
-    ("grid", "sha256"): "not checked",
-}
-"""How the page words a default that the code takes from elsewhere"""
 
 
 def rows(heading: str) -> dict[tuple[str, ...], list[str]]:
@@ -72,27 +53,14 @@ def units(cls: type) -> dict[str, str]:
     return found
 
 
-def check_rows(kind: str, cls: type, settings: dict[str, str]) -> None:
-    """One row for each field: all its names, its unit, its default."""
-    table = rows(kind)
-    assert sorted(name for names in table for name in names) == sorted(settings)
-    for names, (unit, default, _) in table.items():
-        (field,) = {settings[name] for name in names}
-        assert unit == units(cls)[field], field
-        entry = cls.__dataclass_fields__[field]
-        if entry.default is entry.default_factory:  # both missing
-            assert default == REQUIRED, field
-        elif entry.default is None:
-            assert default == WORDS_FOR_NONE[kind, names[0]], field
-        elif isinstance(entry.default, str):
-            assert default == entry.default, field
-        else:
-            assert float(default) == entry.default, field
-
-
-@pytest.mark.parametrize("kind", [name for name in KINDS if name not in OWN_FORMS])
-def test_settings(kind):
-    check_rows(kind, KINDS[kind], KINDS[kind].setting_fields())
+def test_every_setting_has_its_unit_in_the_made_tables():
+    made = script("docs_settings")
+    sections = made.sections_by_name()
+    for kind in KINDS.keys() - set(made.OWN_FORMS):
+        found = units(KINDS[kind])
+        for name, field in KINDS[kind].setting_fields().items():
+            (row,) = [line for line in sections[kind].splitlines() if f"`{name}`" in line[:40]]
+            assert f"[{found[field]}]" in row.replace("\\", "") or not found[field], row
 
 
 def test_tide_settings():
@@ -138,24 +106,14 @@ def test_the_page_has_a_row_for_each_example():
     assert rows == expected
 
 
-def names_of(title: str, column: int) -> dict[str, set[str]]:
-    """Names in backticks in a column of the table whose first header cell is `title`."""
-    lines = PAGE.split(f"| {title} |")[1].splitlines()[2:]
-    found = {}
-    for line in lines:
-        if not line.startswith("|"):
-            break
-        cells = [cell.strip() for cell in line.strip("|").split("|")]
-        found[cells[0]] = set(re.findall(r"`([^`]+)`", cells[column]))
-    return found
-
-
 def test_names_that_grids_understand():
-    standard = {part: set(names) for part, names in files.STANDARD_NAMES.items()}
-    aliases = {part: set(files.ALIASES.get(part, ())) for part in files.STANDARD_NAMES}
-    assert names_of("component", 1) == standard
-    assert names_of("component", 2) == aliases
-    assert names_of("axis", 1) == axes.AXIS_NAMES
+    made = script("docs_settings").grid_names()
+    for names in (
+        *files.STANDARD_NAMES.values(),
+        *files.ALIASES.values(),
+        *axes.AXIS_NAMES.values(),
+    ):
+        assert [name for name in names if f"`{name}`" not in made] == []
     assert {"m/s", "cm/s", "mm/s"} <= set(files.SPEED_UNITS)
     assert set(axes.DEPTH_UNITS.values()) == {1.0, 1000.0, 0.01}  # m, km, cm
 
@@ -175,4 +133,3 @@ def test_examples_run():
     for block in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
         code = compile(block, "docs/reference/currents.md", "exec", dont_inherit=True)
         exec(code, {"__name__": "docs_currents"})
-    CURRENTS.unregister("jet")

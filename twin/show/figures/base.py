@@ -90,10 +90,3 @@ def figure(trajectory: Trajectory, name: str = OVERVIEW, **options: Any) -> Figu
         raise InputError(
             f"this mission has no signal {error.name}, which the {name} figure shows"
         ) from error
-
-
-def table() -> str:
-    """Make the markdown table of the shipped figures for docs/howto/render.md."""
-    rows = ["| `--figure` | shows |", "|---|---|"]
-    rows += [f"| `{name}` | {FIGURES[name].summary} |" for name in FIGURES.shipped()]
-    return "\n".join(rows) + "\n"
