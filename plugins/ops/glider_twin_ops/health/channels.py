@@ -112,18 +112,27 @@ def steps_in_shear(response: Array, ways: Array, days: Array, depth: float) -> A
       ways: mean velocity through the water of each dive, (dives, 2); NaN: unknown heading.
       days: [d] middles of the dives. depth: [m] of the lower turn.
     """
-    heading = np.arctan2(ways[:, 1], ways[:, 0])
-    known = np.isfinite(heading)
-    turned, ahead = np.zeros((2, len(ways)))
-    if len(ways) > 1:
-        along = np.where(known[1:] & known[:-1], np.cos(np.diff(heading)), 0.0)
-        later = np.cos(TIDES[0] * DAY * np.diff(days))
-        ahead[1:] = 1.0 - along
-        turned[1:] = ahead[1:] + (1.0 - along * later)
+    ahead = new_legs(ways)
+    later = np.cos(TIDES[0] * DAY * np.diff(days, prepend=days[:1]))
+    turned = ahead + 1.0 - (1.0 - ahead) * later
     across = DIFFERENCE / depth * np.sqrt(turned)
     found = across[:, None] * np.abs(np.nan_to_num(response))
     found[:, [PLACE[name] for name in ON_A_LEG]] = np.sqrt(ahead)[:, None]
     return found
+
+
+def new_legs(ways: Array) -> Array:
+    """1 less the cosine of each dive's turn from the dive before, (dives,); 0 for the first dive.
+
+    An unknown heading counts as a turn by a right angle.
+
+    Args:
+      ways: mean velocity through the water of each dive, (dives, 2); NaN: unknown heading.
+    """
+    turns = np.diff(np.arctan2(ways[:, 1], ways[:, 0]))
+    return np.append(
+        np.zeros(min(len(ways), 1)), 1.0 - np.where(np.isfinite(turns), np.cos(turns), 0.0)
+    )
 
 
 ORDERED = 2.0

@@ -10,6 +10,7 @@ from glider_twin_ops.health.channels import (
     NOISE,
     PLACE,
     TIDES,
+    new_legs,
     standing,
     steps_in_shear,
 )
@@ -201,3 +202,10 @@ def test_a_part_of_the_charge_tells_no_power(lost, power):
     }  # fmt: skip
     found = channels_of(DiveSignals(period=60.0, signals=signals), None)[PLACE["hotel"]]
     assert found == pytest.approx(power, nan_ok=True)
+
+
+def test_a_leg_begins_where_the_heading_turns_or_is_unknown():
+    ways = ways_on(np.array([20.0, 20.0, 110.0, 290.0, 290.0]))
+    assert new_legs(ways) == pytest.approx([0.0, 0.0, 1.0, 2.0, 0.0], abs=1e-12)
+    ways[4] = np.nan
+    assert new_legs(ways)[4] == 1.0
