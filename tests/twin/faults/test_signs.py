@@ -162,7 +162,7 @@ def test_guidance_reads_the_compass_that_the_log_shows(heading):
 
 
 def test_guidance_reads_the_gauge_that_the_log_shows():
-    """A drift of 10 dbar is as many metres of depth, in the log and for guidance, as TEOS-10 has."""
+    """A drift of 10 dbar is as many metres, in the log and for guidance, as TEOS-10 says."""
     fault, zero = FAULTS["pressure_drift"](per_day=10.0, start=0.5 * KNOT - DAY), np.zeros(1)
     readings = {"measured_depth": zero, "measured_pressure": zero}
     shown = fault.readings(readings, np.array([10.0]), 1.0, None)
