@@ -173,6 +173,10 @@ def test_stays_are_those_of_the_log_and_a_gap_is_none():
     # of three known ones each of the four places between and beside them is as likely
     parts = np.histogram(drawn.stays[1:], [0.0, 600.0, 700.0, 900.0, np.inf])[0] / drawn.stays.size
     assert parts == pytest.approx([0.25] * 4, abs=0.02)
+    # a tail is as long as its end is away from the median
+    for side, end, away in ((-1.0, 600.0, 100.0), (1.0, 900.0, 200.0)):
+        beyond = side * (drawn.stays - end)
+        assert beyond[beyond > 0.0].mean() == pytest.approx(away, rel=0.06)
     assert "12 min at the surface (10 to 15 so far)" in found.words
     assert rhythm([0.0, 600.0], [HOUR, HOUR]) is None
 
