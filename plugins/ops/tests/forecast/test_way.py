@@ -5,6 +5,7 @@ When members come up: stays at the surface, and dives that last longer than they
 
 import itertools
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -219,6 +220,20 @@ def test_a_silence_in_which_no_usual_dive_fits_is_a_stay(tmp_path):
     assert len(found.dives) == FLIGHT.dives
     assert found.dives[5].stay == pytest.approx(FLIGHT.surface, abs=60.0)
     assert (found.holes, found.silent) == ((), "")
+
+
+@pytest.mark.parametrize(("waited", "holes"), [(2.0, ()), (0.5, ((2.0, 3.5),))])
+def test_a_stay_that_the_vehicle_reports_is_no_hole_without_fixes_either(waited, holes):
+    """Two dives of two hours, two hours apart: what the reported stay leaves may hold a dive."""
+    numbers = {"dive_duration": [2.0 * HOUR] * 2, "surface_duration": [math.nan, waited * HOUR]}
+    logs = SimpleNamespace(
+        starts=np.array([0.0, 4.0 * HOUR]), missions_of=lambda name: [0, 1],
+        number=lambda name: np.array(numbers[name]), fixes=lambda row: ((math.nan,) * 2,) * 2,
+        signal=lambda name, row: np.array([0.5, 60.0, 0.5]),
+    )  # fmt: skip
+    found = dive_times(logs, "unit1")
+    assert len(found.dives) == 2
+    assert found.holes == tuple((begin * HOUR, end * HOUR) for begin, end in holes)
 
 
 def test_what_it_has_been_at_the_surface_already_is_taken_off_the_first_stay():
