@@ -77,7 +77,9 @@ def ensemble(one: dict[str, Any]) -> bytes:
         blocks += [struct.pack("<H", 0x0100) + struct.pack("<4h", *words) * cells]
         for kind, number in ((0x0200, one["correlation"]), (0x0300, one["echo"])):
             blocks.append(struct.pack("<H", kind) + bytes([number]) * 4 * cells)
-        good = [one["good"]] * 4 if one["axes"] == "beam" else [0, 0, 0, one["good"]]
+        good = one["good"]  # of each beam, or of all; or the four numbers of the format
+        if not isinstance(good, tuple):
+            good = (good,) * 4 if one["axes"] == "beam" else (0, 0, 0, good)
         # the last cell has no echo, so that the file shows its floor
         blocks[-1] = blocks[-1][:-4] + bytes([40]) * 4
         blocks.append(struct.pack("<H", 0x0400) + bytes(good) * cells)

@@ -9,7 +9,9 @@ from logs import SHARED, circles, refused, said, values
 
 from factory.__main__ import PROGRAM
 from factory.importing import import_logs
+from factory.importing.messages import MessageTable
 from glider_twin_protocols.auv_samples import DECLINATION, OWN, entities, message, packets, track_of
+from glider_twin_protocols.lsf_reader import _doppler
 from twin.identify.driven_runs import load_runs
 from twin.records.attributes import VEHICLE_MJCF
 from twin.vehicle.vehicle import load_vehicle
@@ -110,6 +112,20 @@ def test_a_doppler_log_of_two_references(whole):
     assert set(mode[water]) == {2.0}
     np.testing.assert_allclose(sway[water], 0.02, atol=1e-4)
     np.testing.assert_allclose(surge[water], STATE["surge"][water] + 0.1, atol=2e-3)
+
+
+@pytest.mark.parametrize("later", [0.01, -0.01])
+def test_velocities_of_one_ping_are_one_sample(later):
+    """Water where it has it, else bottom, whichever comes first."""
+    time = np.arange(10.0)
+    lost = dict.fromkeys("xyz", np.where(time < 5.0, 1.3, np.nan))
+    tables = {
+        "WaterVelocity": MessageTable(time + later, lost),
+        "GroundVelocity": MessageTable(time, dict.fromkeys("xyz", np.full(10, 1.1))),
+    }
+    found = _doppler(tables)
+    assert found.columns["mode"].tolist() == [2.0] * 5 + [1.0] * 5
+    assert found.columns["x"].tolist() == [1.3] * 5 + [1.1] * 5
 
 
 def test_the_track_keeps_going_where_the_origin_moves(whole):

@@ -25,7 +25,7 @@ def flown(tmp_path_factory):
     """A propelled vehicle with field sensors, recorded."""
     path = tmp_path_factory.mktemp("flown") / "run.zarr"
     run = twin.simulate(
-        vehicle="tethys", duration=200.0, sensors="field", seed=3, current="uniform:0.1,-0.05"
+        vehicle="tethys", duration=200.0, sensors="field", seed=3, current="uniform:0.1,-0.05,0.02"
     )
     run.save(path)
     return path

@@ -242,6 +242,17 @@ def test_conductivity_is_what_salinity_was_made_of(og1):
         assert file["CNDC"].units == "S m-1"
 
 
+def test_positions_are_good_at_fixes_and_the_first_one_is_of_the_deployment(og1):
+    """OceanGliders' flags: 1 is good data, 8 an estimated value."""
+    with netCDF4.Dataset(og1) as file:
+        fixed = ~np.ma.getmaskarray(file["TIME_GPS"][:])
+        assert 2 * FLIGHT.dives >= fixed.sum() > FLIGHT.dives
+        for axis in ("LATITUDE", "LONGITUDE"):
+            np.testing.assert_array_equal(file[f"{axis}_QC"][:], np.where(fixed, 1, 8))
+            assert file[f"DEPLOYMENT_{axis}"][...] == file[f"{axis}_GPS"][fixed][0]
+        assert file["DEPLOYMENT_TIME"][...] == file["TIME_GPS"][fixed][0]
+
+
 def test_missing_values_are_flagged(store, tmp_path):
     data = xr.open_zarr(store).load()
     data["measured_temperature"][0, 20:40] = np.nan

@@ -102,7 +102,7 @@ def test_a_seagliders_pump_takes_power_while_it_runs(tmp_path):
     for path in paths:
         with netCDF4.Dataset(path, "a") as file:
             columns = {
-                "st_secs": file["gc_end_secs"][:] - 60.0, "pitch_secs": [10.0, 10.0],
+                "st_secs": file["gc_end_secs"][:] - 60.0, "pitch_secs": [10.0, 20.0],
                 "vbd_i": [0.0, 1.5], "vbd_secs": [0.0, 40.0], "vbd_volts": [30.0, 12.0],
             }  # fmt: skip
             add_variables(file, {f"gc_{n}": (("gc_event",), v) for n, v in columns.items()})
@@ -110,7 +110,11 @@ def test_a_seagliders_pump_takes_power_while_it_runs(tmp_path):
     power = dataset["measured_pump_power"].values[0]
     period = float(dataset.attrs.get("period", 5.0))
     assert np.nanmax(power) == pytest.approx(18.0)
-    assert (power == power.max()).sum() * period == pytest.approx(40.0, abs=period)
+    runs = np.flatnonzero(power == power.max())
+    assert len(runs) * period == pytest.approx(40.0, abs=period)
+    with netCDF4.Dataset(paths[0]) as file:  # after the pitch, 20 s from the move's start
+        begin = float(file["gc_st_secs"][1]) + 20.0
+    assert dataset["start_time"].values[0] + runs[0] * period == pytest.approx(begin, abs=period)
 
 
 def test_a_seaexplorers_voltage_and_pressure_inside(tmp_path):

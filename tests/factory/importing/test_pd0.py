@@ -142,6 +142,14 @@ def test_each_screen_drops_what_it_is_for(name, worse, screen, tmp_path):
     assert (values(dataset, "measured_dvl_mode")[kept] == 2.0).all()
 
 
+@pytest.mark.parametrize("axes", ["instrument", "ship", "earth"])
+def test_pings_with_three_beams_gave_a_velocity_too(axes, tmp_path):
+    """Three beams, too large an error, fewer beams, four beams: by the maker's format."""
+    rows = still(axes=axes, good=(40, 10, 5, 45))
+    log = relative_velocity(read_pd0(pd0_files.write(tmp_path / "a.pd0", rows)).layouts)
+    assert set(log.good[np.isfinite(log.good)]) == {85.0}
+
+
 def test_a_speed_that_does_not_make_the_depth_rate_is_dropped_by_closure(tmp_path):
     rows = pd0_files.yo(600)
     for row in rows[80:160]:

@@ -90,6 +90,17 @@ def test_profiles_without_times_are_read_as_bins_are(tmp_path, upper):
         refused(r"'TIME' gives .* no time of their own", "og1", [path])
 
 
+@pytest.mark.parametrize("flag", [3, 4, 9], ids=["probably bad", "bad", "missing"])
+def test_samples_flagged_bad_are_left_out(tmp_path, flag):
+    path = write_rows(tmp_path / "sp028.nc")
+    with netCDF4.Dataset(path, "a") as file:
+        flags = np.where(np.asarray(file["depth"][:]) > 200.0, flag, 2).astype(np.int8)
+        add_variables(file, {"temp_qc": (("n_measurements",), flags)})
+    dataset, _ = import_logs("spray", [path])
+    depth = dataset["measured_depth"].values[np.isfinite(dataset["measured_temperature"].values)]
+    assert 190.0 < depth.max() < 210.0
+
+
 def test_missions_of_one_file_are_deployments_and_empty_profiles_go(tmp_path):
     path = write_spray(tmp_path / "GoM.nc", FLIGHT, missions=(3, 12))
     with netCDF4.Dataset(path, "a") as file:

@@ -20,7 +20,7 @@ from factory.importing.formats.slocum.native_sensors import in_native_units
 from factory.importing.messages import MessageTable, valued
 from factory.importing.payload import parse_payload, payload_channels
 from factory.importing.plausibility import sinks_in_radian
-from factory.importing.pressures import without_air
+from factory.importing.pressures import to_dbar, without_air
 from factory.importing.tally import Tally
 from factory.importing.units import declared, in_unit, known_units
 from factory.samples import Flight, add_variables, write_csv
@@ -119,6 +119,14 @@ def test_the_air_in_a_pressure_is_no_other_unit(tmp_path, depth):
     assert report.rows == flight.dives
     assert largest(dataset, "measured_depth") == pytest.approx(depth, abs=0.5 + 0.006 * depth)
     assert "air's pressure" in details(report, "repaired")["pressure"]
+
+
+@pytest.mark.parametrize(("unit", "size"), [("dbar", 1.0), ("bar", 10.0), ("Pa", 1e-4)])
+def test_the_air_is_as_much_in_every_unit(unit, size):
+    depth = np.linspace(0.0, 100.0, 50)
+    below = gsw.p_from_z(-depth, 45.0)
+    found = to_dbar((below + 10.1325) / size, depth, "pressure", Tally(), native=unit)
+    np.testing.assert_allclose(found, below, atol=1e-6)
 
 
 def test_a_pressure_that_contradicts_its_unit_and_its_depth(tmp_path):

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 
+import gsw
 import mujoco
 import numpy as np
 import pytest
@@ -158,6 +159,17 @@ def test_guidance_reads_the_compass_that_the_log_shows(heading):
     off = math.degrees(sine * math.sin(true) + cosine * math.cos(true))
     assert off == pytest.approx(12.0 * math.sin(math.radians(heading - 70.0)))
     assert shown["measured_heading"][0] - heading == pytest.approx(off)
+
+
+def test_guidance_reads_the_gauge_that_the_log_shows():
+    """A drift of 10 dbar is as many metres, in the log and for guidance, as TEOS-10 says."""
+    fault, zero = FAULTS["pressure_drift"](per_day=10.0, start=0.5 * KNOT - DAY), np.zeros(1)
+    readings = {"measured_depth": zero, "measured_pressure": zero}
+    shown = fault.readings(readings, np.array([10.0]), 1.0, None)
+    offset = condition_at([fault], healthy(scenario("glider")), 0.0).depth_offset
+    assert shown["measured_pressure"][0] == 10.0
+    assert shown["measured_depth"][0] == pytest.approx(-gsw.z_from_p(10.0, 45.0), rel=5e-3)
+    assert offset == pytest.approx(shown["measured_depth"][0])
 
 
 def electric(*faults):

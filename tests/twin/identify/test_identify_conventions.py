@@ -73,6 +73,8 @@ def test_gliderflight_figures_give_the_same_drag_lift_and_volume():
     assert q * (f["aw"] + f["ah"]) * ALPHA == pytest.approx(lift)
     assert f["mg"] / f["Vg"] == pytest.approx(calibration.vehicle.reference_density)
     assert f["aw"] == pytest.approx(3.7, abs=0.05)  # gliderflight's own estimate for these wings
+    swept = math.hypot(7.0 / math.cos(math.radians(43.0)), 2.0)  # aspect ratio 7, by 43 degree
+    assert f["aw"] == pytest.approx(14.0 * math.pi / (2.0 + swept))
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from logs import SHARED, stored
 
 import twin
@@ -13,8 +14,10 @@ from factory.samples import Flight
 from factory.samples.gliders import gps_columns, slocum_columns, write_slocum
 from twin.__main__ import PROGRAM
 from twin.logs import EnergyUse, endurance_of
-from twin.logs.energy_timeline import DiveCharge, NotCounted, settled
+from twin.logs.energy_timeline import DiveCharge, EnergyTimeline, NotCounted, settled
 from twin.logs.energy_use import counted_energy, energy_used, second_half
+from twin.records.logged import LogStore
+from twin.records.store import write_store
 from twin.vehicle.consumption import Consumption
 from twin.vehicle.vehicle import load_vehicle
 
@@ -106,6 +109,18 @@ def test_later_dives_are_foretold_by_what_they_do(store, found):
     assert errors["per_hour_per_dive"] > 0.05
     mean = np.mean([one.measured for one in found.dives[:6]])
     assert tried.each == pytest.approx(mean, rel=0.01)
+
+
+def test_the_time_between_two_dives_is_at_the_surface(store, tmp_path):
+    """Also where the log has no phase at the first sample after it."""
+    data = xr.open_zarr(store).load()
+    data["measured_phase"][:, 0] = np.nan
+    with LogStore(write_store(data, tmp_path / "log.zarr")) as logs:
+        line = EnergyTimeline(logs, range(len(logs)), load_vehicle("slocum-200"))
+    between = np.flatnonzero(np.diff(line.mission))
+    waited = np.diff(line.time)[between]
+    assert waited.min() > 60.0
+    np.testing.assert_allclose(np.diff(line.done["surface"])[between], waited)
 
 
 def test_a_counter_that_starts_again_is_left_out_and_counted(columns, tmp_path):
@@ -306,6 +321,8 @@ def test_a_power_that_grows_is_expected_to_grow_on():
     found = endurance_of(dives_of(power), 1.0)
     assert found is not None
     assert found.power > 4.0 > dives_of(power).power + 0.4
+    left = 1e3 / 3.5 / HOURS  # dives; their mean is on the line after half of them
+    assert found.power == pytest.approx(4.0 + 0.5 * left / 99.0, abs=0.05)
 
 
 def test_a_plan_that_changed_counts_more_than_what_was_before():

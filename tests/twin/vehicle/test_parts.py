@@ -314,6 +314,13 @@ def test_a_screw_takes_more_power_than_it_gives_and_windmills_for_nothing():
             assert taken == pytest.approx(max(shaft, 0.0), rel=1e-9, abs=1e-9)
 
 
+def test_a_screw_that_speeds_up_takes_as_much_as_one_that_slows_down():
+    """Neither end of a move stands for all of it: the energy lies between those of both rates."""
+    moves = [Move(*ends, 0.0, 0.0, 1.0) for ends in ((60, 60), (60, 140), (140, 60), (140, 140))]
+    slow, up, down, fast = (screw_of().energy(TORPEDO, one, Consumption()) for one in moves)
+    assert slow < up == down < fast
+
+
 def test_a_diagram_that_gives_energy_is_refused():
     with pytest.raises(VehicleError, match="no more power leaves the water"):
         dataclasses.replace(TORPEDO, parts=(screw_of(zero_torque_advance=0.07),), steering={})

@@ -5,6 +5,7 @@ When members come up: stays at the surface, and dives that last longer than they
 
 import itertools
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -173,6 +174,10 @@ def test_stays_are_those_of_the_log_and_a_gap_is_none():
     # of three known ones each of the four places between and beside them is as likely
     parts = np.histogram(drawn.stays[1:], [0.0, 600.0, 700.0, 900.0, np.inf])[0] / drawn.stays.size
     assert parts == pytest.approx([0.25] * 4, abs=0.02)
+    # a tail is as long as its end is away from the median
+    for side, end, away in ((-1.0, 600.0, 100.0), (1.0, 900.0, 200.0)):
+        beyond = side * (drawn.stays - end)
+        assert beyond[beyond > 0.0].mean() == pytest.approx(away, rel=0.06)
     assert "12 min at the surface (10 to 15 so far)" in found.words
     assert rhythm([0.0, 600.0], [HOUR, HOUR]) is None
 
@@ -215,6 +220,20 @@ def test_a_silence_in_which_no_usual_dive_fits_is_a_stay(tmp_path):
     assert len(found.dives) == FLIGHT.dives
     assert found.dives[5].stay == pytest.approx(FLIGHT.surface, abs=60.0)
     assert (found.holes, found.silent) == ((), "")
+
+
+@pytest.mark.parametrize(("waited", "holes"), [(2.0, ()), (0.5, ((2.0, 3.5),))])
+def test_a_stay_that_the_vehicle_reports_is_no_hole_without_fixes_either(waited, holes):
+    """Two dives of two hours, two hours apart: what the reported stay leaves may hold a dive."""
+    numbers = {"dive_duration": [2.0 * HOUR] * 2, "surface_duration": [math.nan, waited * HOUR]}
+    logs = SimpleNamespace(
+        starts=np.array([0.0, 4.0 * HOUR]), missions_of=lambda name: [0, 1],
+        number=lambda name: np.array(numbers[name]), fixes=lambda row: ((math.nan,) * 2,) * 2,
+        signal=lambda name, row: np.array([0.5, 60.0, 0.5]),
+    )  # fmt: skip
+    found = dive_times(logs, "unit1")
+    assert len(found.dives) == 2
+    assert found.holes == tuple((begin * HOUR, end * HOUR) for begin, end in holes)
 
 
 def test_what_it_has_been_at_the_surface_already_is_taken_off_the_first_stay():
