@@ -1,7 +1,7 @@
 """Picture and table of extension points for the documentation's page on the architecture.
 
-`python scripts/architecture.py` writes docs/project/architecture.png. A test compares the table
-with docs/project/architecture.md.
+`python scripts/architecture.py` writes docs/project/architecture.png. docs_settings.py puts the
+table into the site's page of types.
 """
 
 from __future__ import annotations
