@@ -204,7 +204,7 @@ def channels_of(dive: DiveSignals, calibration: Calibration | None) -> Array:
                 found |= _turning(own, seen, calibration.vehicle)
             losses = None if calibration is None else Consumption.of(calibration.vehicle)
             found |= _pump(own, seen, losses)
-            found |= _power(own, seen)
+            found |= _power(own, seen, losses)
             found |= _lags(own, seen)
             found["current_north"], found["current_east"] = dive.current
             found["echoes"] = dive.echoes
@@ -348,20 +348,30 @@ def _pump(dive: DiveSignals, depth: Array, losses: Consumption | None) -> dict[s
             found["pump_rate"] = math.log(float(np.median(rate[whole])))
     power = dive.get("pump_power")
     if power is not None and out.any():
-        vacuum = dive.get("vacuum")
-        inside = 3e4 if vacuum is None else float(np.nanmedian(vacuum))
-        pressure = (1e4 * np.maximum(depth, 0.0) + inside)[out]
-        if losses is not None:
-            pressure = pressure / losses.pump_efficiency + losses.pump_loss
-        against = float(np.nansum(pressure * 1e-6 * rate[out])) * dive.period
+        against = _pump_energy(dive, depth, rate, out, losses)
         taken = float(np.nansum(power[out | np.roll(out, 1)])) * dive.period
         if against > 100.0 and taken > 0.0:
             found["pump_work"] = math.log(taken / against)
     return found
 
 
-def _power(dive: DiveSignals, depth: Array) -> dict[str, float]:
-    """Channels of the electronics' power and of the voltage's drop under load."""
+def _pump_energy(
+    dive: DiveSignals, depth: Array, rate: Array, out: Mask, losses: Consumption | None
+) -> float:
+    """Energy [J] of a pump's strokes by the vehicle's file; without one, work against the sea."""
+    vacuum = dive.get("vacuum")
+    inside = 3e4 if vacuum is None else float(np.nanmedian(vacuum))
+    pressure = (1e4 * np.maximum(depth, 0.0) + inside)[out]
+    if losses is not None:
+        pressure = pressure / losses.pump_efficiency + losses.pump_loss
+    return float(np.nansum(pressure * CUBIC_CM * rate[out])) * dive.period
+
+
+def _power(dive: DiveSignals, depth: Array, losses: Consumption | None) -> dict[str, float]:
+    """Channels of the electronics' power and of the voltage's drop under load.
+
+    Without a current the charge gives the power, less the pump's by the vehicle's file.
+    """
     voltage, current, charge = (dive.get(n) for n in ("voltage", "battery_current", "charge"))
     found: dict[str, float] = {}
     if voltage is not None and current is not None:
@@ -385,10 +395,15 @@ def _power(dive: DiveSignals, depth: Array) -> dict[str, float]:
     elif charge is not None and voltage is not None:
         read = np.flatnonzero(np.isfinite(charge))
         if len(read) > 1 and read[-1] - read[0] > max(10.0, COUNTED * len(charge)):
-            hours = (read[-1] - read[0]) * dive.period / 3600.0
-            taken = float(charge[read[-1]] - charge[read[0]])
+            seconds = float(read[-1] - read[0]) * dive.period
+            taken = 3600.0 * float(charge[read[-1]] - charge[read[0]])
+            volume = dive.get("pump")
             if taken > 0.0:
-                found["hotel"] = taken / hours * float(np.nanmedian(voltage))
+                taken *= float(np.nanmedian(voltage))
+                if volume is not None:
+                    rate, out, _ = strokes_of(volume, dive.period)
+                    taken -= _pump_energy(dive, depth, rate, out, losses)
+                found["hotel"] = taken / seconds
     return found
 
 

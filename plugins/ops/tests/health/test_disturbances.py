@@ -18,6 +18,7 @@ from glider_twin_ops.health.dive_channels import DiveSignals, channels_of, strok
 from glider_twin_ops.health.judgement import follow, judge
 from glider_twin_ops.health.signatures import signatures_of, usual_dive
 from twin.identify import load_calibration
+from twin.vehicle import Consumption
 
 DIVES = 24
 TURNS = [PLACE["turn_dive"], PLACE["turn_climb"]]
@@ -209,3 +210,21 @@ def test_a_leg_begins_where_the_heading_turns_or_is_unknown():
     assert new_legs(ways) == pytest.approx([0.0, 0.0, 1.0, 2.0, 0.0], abs=1e-12)
     ways[4] = np.nan
     assert new_legs(ways)[4] == 1.0
+
+
+def test_power_by_the_charge_is_without_the_pump_that_deeper_dives_need():
+    powers = []
+    for depth in (100.0, 800.0):
+        down = np.minimum(np.arange(101.0), 100.0 - np.arange(101.0)) / 50.0 * depth
+        pump = np.where(np.arange(101) < 50, -200.0, 200.0)
+        losses = Consumption.of(twin.load_vehicle("slocum-200"))
+        pressure = (1e4 * down[50] + 3e4) / losses.pump_efficiency + losses.pump_loss
+        joules = 1.5 * 60.0 * np.arange(101) + (np.arange(101) >= 50) * pressure * 400e-6
+        signals = {
+            "measured_depth": down, "measured_pump": pump,
+            "measured_voltage": np.full(101, 14.0), "measured_charge": joules / 3600.0 / 14.0,
+        }  # fmt: skip
+        calibration = load_calibration("slocum-200")
+        found = channels_of(DiveSignals(period=60.0, signals=signals), calibration)
+        powers.append(found[PLACE["hotel"]])
+    assert powers == pytest.approx([1.5, 1.5], abs=0.02)
