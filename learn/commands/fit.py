@@ -55,6 +55,8 @@ class Fit(FitSettings, JsonOption):
     """only train: `learn report` evaluates the networks and writes the page later"""
     tensorboard: bool = False
     """also write TensorBoard events into the run (needs the package tensorboard)"""
+    scratch: bool = False
+    """start from random weights, not from the shipped networks that suit the store"""
     resume: bool = False
     """continue the run of this --name with its own settings; start it if it is missing"""
     overwrite: bool = False
@@ -63,8 +65,9 @@ class Fit(FitSettings, JsonOption):
 
     def run(self, console: Console) -> int:
         """Train, evaluate, write the report."""
+        shipped = None
         if not self.resume:
-            _open_stores(self.store or (str(DEFAULT_STORE),))
+            shipped = _start(self.store or (str(DEFAULT_STORE),), self, console)
         from learn.finishing import check_finish, finish
         from learn.report import tell_report
         from learn.run_folder import training_folder
@@ -79,7 +82,7 @@ class Fit(FitSettings, JsonOption):
         config = fit_settings(
             self.store or None,
             resumed=place if self.resume else None,
-            **settings | {"mirror": not self.no_mirror},
+            **settings | {"mirror": not self.no_mirror, "start": self.start or shipped},
         )
         if self.tensorboard:
             event_writer_type()
@@ -120,13 +123,46 @@ class Fit(FitSettings, JsonOption):
         return RUNS / (free_name() if self.name is None else checked_name(self.name))
 
 
-def _open_stores(stores: Sequence[StoreArgument | str]) -> None:
-    """Open each store, whose errors then come before the import of torch, which takes seconds."""
+WITH_START = ("network", "hidden", "layers", "delays", "memories", "inputs", "features", "without",
+              "labels", "division")  # fmt: skip
+"""Options that a start from shipped networks leaves no choice of"""
+
+
+def _start(stores: Sequence[StoreArgument | str], options: Fit, console: Console) -> Path | None:
+    """Open each store and choose the shipped networks to start from, before torch is imported.
+
+    Returns:
+      Folder of the shipped networks; None if the training starts from random weights: asked for,
+      with options that need it, for logs, or if none suit the vehicle and its channels.
+    """
+    from learn.shipped import shipped_run
     from twin.records import MissionStore
 
+    found: set[Path] = set()
+    chosen = any(getattr(options, name) for name in WITH_START) or options.start is not None
     for store in stores:
-        with MissionStore(store):
-            pass
+        with MissionStore(store) as reader:
+            if options.scratch or chosen or reader.logged:
+                continue
+            try:
+                period = options.period or reader.period
+                channels = set(map(str, reader.dataset.data_vars))
+                run, absent = shipped_run(reader.vehicle, period, channels)
+            except InputError as error:
+                console.note(f"starting from random weights: {error}")
+                return None
+            if absent:
+                console.note(
+                    f"starting from random weights: store {store} has no {absent[0]}, which the "
+                    "shipped networks to train further read"
+                )
+                return None
+            found.add(run.folder)
+    if len(found) != 1:
+        return None
+    (folder,) = found
+    console.note(f"starting from the shipped networks for {folder.name} (--scratch does not)")
+    return folder
 
 
 class Watcher:
