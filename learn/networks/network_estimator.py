@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, Self
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from learn.networks.familiarity import HELD_TO, widened
 from learn.networks.predictor import Ensemble, Prediction
 from learn.run import TARGETS, Run, open_run
-from learn.shipped import shipped_run
+from learn.shipped import MISSING, shipped_run
 from learn.shipped.velocities import predict_shipped
 from twin.errors import InputError, StoreError
 from twin.identify.calibration import Calibration
@@ -29,7 +29,7 @@ from twin.navigation.estimators.base import (
     VelocityDeviation,
     VelocityEstimator,
 )
-from twin.navigation.features import FeatureSteps
+from twin.navigation.features import FeatureSteps, channels_of
 from twin.navigation.flight_filter import FlightFilter
 from twin.navigation.flight_filter_kernels import OUTPUTS
 from twin.navigation.settings import ADAPTED, ESTIMATED, MIXED, sources
@@ -37,6 +37,7 @@ from twin.records.reader import MissionStore
 from twin.records.schema.limits import simulated_limits
 from twin.records.storage.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle
+from twin.water.density import STANDARD_OCEAN
 
 FASTEST = simulated_limits("true_surge")[1]
 """[m/s] Limit of a network's absolute output; larger velocities are clipped"""
@@ -61,6 +62,7 @@ class NetworkVelocity(VelocityEstimator):
         period: float,
         vehicle: Vehicle | None = None,
         deviation: VelocityDeviation | None = None,
+        optional: Collection[str] = (),
     ):
         """Start before the first sample.
 
@@ -69,6 +71,7 @@ class NetworkVelocity(VelocityEstimator):
           period: [s] sample period of the training.
           vehicle: vehicle with its file's parameters; needed if networks read estimated channels.
           deviation: stated standard deviation, such as `Run.velocity_deviation`; None: not stated.
+          optional: channels that a sample may lack; the standard ocean's density replaces them.
 
         Raises:
           InputError: the vehicle is needed, and is missing or does not suit the flight filter.
@@ -87,8 +90,10 @@ class NetworkVelocity(VelocityEstimator):
             for feature in one.features
         )
         self._features = FeatureSteps(list(names), period)
-        self.channels = sources(self._features.channels)
-        self._guard = ChannelGuard(self.channels, period)
+        read = sources(self._features.channels)
+        self._optional = tuple(optional)
+        self.channels = tuple(name for name in read if name not in optional)
+        self._guard = ChannelGuard(read, period)
         self._flight: FlightFilter | None = None
         self._second: FlightFilter | None = None
         if set(self._features.channels) & set(ESTIMATED):
@@ -116,8 +121,13 @@ class NetworkVelocity(VelocityEstimator):
         Raises:
           InputError: no shipped networks suit the vehicle. StoreError: the folder holds no run.
         """
-        run = open_run(argument) if argument else shipped_run(vehicle, period)[0]
-        return cls(run.networks(vehicle), run.period, vehicle, run.velocity_deviation(vehicle))
+        if argument:
+            run, optional = open_run(argument), ()
+        else:  # a vehicle without a CTD is usual
+            whole = sources(channels_of(shipped_run(vehicle, period)[0].features))
+            run, optional = shipped_run(vehicle, period, set(whole) - set(MISSING["ctd"]))
+        stated = run.velocity_deviation(vehicle)
+        return cls(run.networks(vehicle), run.period, vehicle, stated, optional)
 
     @property
     def deviation(self) -> VelocityDeviation:
@@ -163,6 +173,10 @@ class NetworkVelocity(VelocityEstimator):
 
     def step(self, sample: Mapping[str, float]) -> BodyVelocity:
         """See `VelocityEstimator`; zero until every channel has had a good value."""
+        for name in self._optional:
+            if not math.isfinite(sample.get(name, math.nan)):
+                depth = max(sample["measured_depth"], 0.0)
+                sample = {**sample, name: STANDARD_OCEAN[0] + STANDARD_OCEAN[1] * depth}
         kept = self._guard.step(sample)
         if kept is None:
             return BodyVelocity(surge=0.0, sway=0.0)

@@ -42,6 +42,8 @@ def shipped_run(
       InputError: no shipped networks suit the vehicle, the period or the channels.
     """
     sort = "propelled" if vehicle.steered("speed") is not None else "gliders"
+    if not (FOLDER / sort).is_dir():
+        raise InputError(f"no networks of {sort} vehicles are shipped; train some: `learn fit`")
     why = FlightFilter.unsuited(vehicle) if sort == "gliders" else ""
     if sort == "propelled" and vehicle.model not in _models(sort):
         why = f"its model {vehicle.model!r} is none of {', '.join(_models(sort))}"

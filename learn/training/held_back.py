@@ -29,6 +29,7 @@ from twin.navigation.settings import ESTIMATED
 
 HELD_BACK = 48
 """Missions that decide: fewer do not tell a gain of a few per cent from luck"""
+STEADY = "flight_steady"
 EVERY_S = 4.0
 """[s] Time between the samples that decide: nearer ones are nearly equal"""
 
@@ -68,6 +69,25 @@ def held_sequences(
         for name in ("inputs", "targets", "weights")
     )
     return Sequences(inputs, targets, weights)
+
+
+def filter_kept(sequences: Sequences, scales: Normalisation) -> Sequences:
+    """Sequences whose targets in steady glides are the flight filter's own output.
+
+    There the filter's error belongs to the hull and its sensors: networks would learn the few
+    training hulls by heart. Without the features `flight_steady` and the filter's velocity, the
+    sequences return as they are.
+    """
+    names = (STEADY, f"flight_{scales.target}")
+    if not set(names) <= set(scales.features):
+        return sequences
+    steady, filtered = (scales.features.index(name) for name in names)
+    targets = []
+    for inputs, target in zip(sequences.inputs, sequences.targets, strict=True):
+        glides = inputs[:, steady] * scales.scale[steady] + scales.mean[steady] > 0.5
+        own = inputs[:, filtered] * scales.scale[filtered] + scales.mean[filtered]
+        targets.append(np.where(glides, scales.wanted(own.astype(np.float32)), target))
+    return dataclasses.replace(sequences, targets=targets)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -25,6 +25,7 @@ import torch
 
 from learn.data.dataset import AT_A_TIME
 from learn.data.preparation import prepare, sample_bytes, training_lengths
+from learn.data.sequences import Sequences
 from learn.networks.fixed_memory import FixedMemory
 from learn.networks.predictor import Predictor, groups_by_length
 from learn.run import open_run, stem
@@ -32,7 +33,7 @@ from learn.run_folder import CHECKPOINT
 from learn.seams import NETWORKS
 from learn.training.feed import recalled_columns
 from learn.training.fit_config import FitConfig, TrainingJob
-from learn.training.held_back import held_sequences
+from learn.training.held_back import filter_kept, held_sequences
 from learn.training.trainer import Trainer, TrainingReport
 from twin.errors import InputError
 from twin.navigation.flight_filter import HULLS
@@ -275,7 +276,7 @@ def train(
         spread=HULLS[config.hulls],
         resident=resident,
     ) as data:
-        validation = data.validation
+        training, validation = data.train, data.validation
         careful = (
             bool(held_back)
             and start is not None
@@ -283,12 +284,14 @@ def train(
         )
         if careful:
             validation = held_sequences(config, job.target, held_back, data.normalisation)
+            if isinstance(training, Sequences):
+                training = filter_kept(training, data.normalisation)
         threads = torch.get_num_threads()
         try:
             trained = Trainer(
                 dataclasses.replace(config.network, period=data.period),
                 dataclasses.replace(config.training, seed=job.seed),
-                data.train,
+                training,
                 validation,
                 target_scale=data.normalisation.target_scale,
                 checkpoint=checkpoint,
