@@ -65,9 +65,9 @@ class Fit(FitSettings, JsonOption):
 
     def run(self, console: Console) -> int:
         """Train, evaluate, write the report."""
-        shipped = None
+        shipped, told = None, ""
         if not self.resume:
-            shipped = _start(self.store or (str(DEFAULT_STORE),), self, console)
+            shipped, told = _start(self.store or (str(DEFAULT_STORE),), self)
         from learn.finishing import check_finish, finish
         from learn.report import tell_report
         from learn.run_folder import training_folder
@@ -98,6 +98,8 @@ class Fit(FitSettings, JsonOption):
                 executor = stack.enter_context(dask_executor(self.scheduler))
             watcher = stack.enter_context(Watcher(console, config, place, events=self.tensorboard))
             resources = stack.enter_context(training_resources(self.workers, executor, self.memory))
+            if told:
+                watcher.say(told)
             run = fit(
                 config, folder, resources, resume=self.resume, replace=self.overwrite,
                 watch=watcher.see, warn=watcher.warn, say=watcher.say, history=history,
@@ -128,41 +130,41 @@ WITH_START = ("network", "hidden", "layers", "delays", "memories", "inputs", "fe
 """Options that a start from shipped networks leaves no choice of"""
 
 
-def _start(stores: Sequence[StoreArgument | str], options: Fit, console: Console) -> Path | None:
+def _start(stores: Sequence[StoreArgument | str], options: Fit) -> tuple[Path | None, str]:
     """Open each store and choose the shipped networks to start from, before torch is imported.
 
     Returns:
-      Folder of the shipped networks; None if the training starts from random weights: asked for,
-      with options that need it, for logs, or if none suit the vehicle and its channels.
+      Folder of the shipped networks, and a sentence on them. None if the training starts from
+      random weights: asked for, with options that need it, for logs, or if none suit the vehicle
+      and its channels.
     """
     from learn.shipped import shipped_run
     from twin.records import MissionStore
 
     found: set[Path] = set()
     chosen = any(getattr(options, name) for name in WITH_START) or options.start is not None
+    told = ""
     for store in stores:
         with MissionStore(store) as reader:
             if options.scratch or chosen or reader.logged:
                 continue
+            channels = set(map(str, reader.dataset.data_vars))
             try:
-                period = options.period or reader.period
-                channels = set(map(str, reader.dataset.data_vars))
-                run, absent = shipped_run(reader.vehicle, period, channels)
+                run, absent = shipped_run(reader.vehicle, options.period or reader.period, channels)
             except InputError as error:
-                console.note(f"starting from random weights: {error}")
-                return None
+                told = f"starting from random weights: {error}"
+                continue
             if absent:
-                console.note(
+                told = (
                     f"starting from random weights: store {store} has no {absent[0]}, which the "
-                    "shipped networks to train further read"
+                    "shipped networks read"
                 )
-                return None
+                continue
             found.add(run.folder)
-    if len(found) != 1:
-        return None
+    if told or len(found) != 1:
+        return None, told
     (folder,) = found
-    console.note(f"starting from the shipped networks for {folder.name} (--scratch does not)")
-    return folder
+    return folder, f"starting from the shipped networks of {folder.name} (--scratch does not)"
 
 
 class Watcher:

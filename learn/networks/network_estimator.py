@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.networks.familiarity import HELD_TO, widened
-from learn.networks.predictor import Ensemble, Prediction
+from learn.networks.predictor import Ensemble, Prediction, numbers
 from learn.run import TARGETS, Run, open_run
 from learn.shipped import MISSING, shipped_run
 from learn.shipped.velocities import predict_shipped
@@ -217,7 +217,7 @@ class NetworkVelocity(VelocityEstimator):
             if flight is not None:
                 found |= {prefix + name: value for name, value in flight.state().items()}
         for name, states in self._states.items():
-            found |= {f"{name}-{k}": np.array(one, np.float32) for k, one in enumerate(states)}
+            found |= {f"{name}-{k}": numbers(one) for k, one in enumerate(states)}
         return found | {"lasting": np.array(self._lasting)}
 
     def restore(self, state: State) -> None:

@@ -97,7 +97,7 @@ class Predictor:
         return self.network.initial_state(1)
 
     def state(self, saved: Any) -> Any:
-        """State from its numbers, as `np.array(state)` gives them."""
+        """State from its `numbers`."""
         found = np.array(saved, np.float32)
         if isinstance(self.network, PlainAverages):
             return found
@@ -142,6 +142,11 @@ class Predictor:
         if place := NETWORKS.place(self.network.config.kind):
             description[PLACE] = place
         write_sealed(stem.with_suffix(".json"), description)
+
+
+def numbers(state: Any) -> Floats:
+    """Copy of a network's state, of torch or numpy, as an array."""
+    return np.array(state if isinstance(state, np.ndarray) else state.cpu().numpy(), np.float32)
 
 
 def load_predictor(stem: Path, *, period: float | None = None, plain: bool = False) -> Predictor:
