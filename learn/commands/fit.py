@@ -98,8 +98,7 @@ class Fit(FitSettings, JsonOption):
                 executor = stack.enter_context(dask_executor(self.scheduler))
             watcher = stack.enter_context(Watcher(console, config, place, events=self.tensorboard))
             resources = stack.enter_context(training_resources(self.workers, executor, self.memory))
-            if told:
-                watcher.say(told)
+            watcher.first = told
             run = fit(
                 config, folder, resources, resume=self.resume, replace=self.overwrite,
                 watch=watcher.see, warn=watcher.warn, say=watcher.say, history=history,
@@ -176,6 +175,8 @@ class Watcher:
         """Progress of each network, 0 to 1"""
         self._folder, self._events, self._prog = folder, events, console.prog
         self._writer: Any = None
+        self.first = ""
+        """Note for the time when all checks are passed"""
 
     def __enter__(self) -> Watcher:
         self._progress.__enter__()
@@ -187,7 +188,10 @@ class Watcher:
             self._writer.close()
 
     def say(self, text: str) -> None:
-        """Print a note on its own line."""
+        """Print a note on its own line, after the note `first`."""
+        if self.first:
+            self._progress.note(self.first)
+            self.first = ""
         self._progress.note(text)
 
     def warn(self, text: str) -> None:

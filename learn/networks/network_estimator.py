@@ -121,8 +121,9 @@ class NetworkVelocity(VelocityEstimator):
         Raises:
           InputError: no shipped networks suit the vehicle. StoreError: the folder holds no run.
         """
+        optional: tuple[str, ...] = ()
         if argument:
-            run, optional = open_run(argument), ()
+            run = open_run(argument)
         else:  # a vehicle without a CTD is usual
             whole = sources(channels_of(shipped_run(vehicle, period)[0].features))
             run, optional = shipped_run(vehicle, period, set(whole) - set(MISSING["ctd"]))
