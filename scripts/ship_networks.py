@@ -191,7 +191,8 @@ def train(target: str, features: tuple[str, ...], data: tuple[Any, ...], parts: 
 def ship(sort: str, lacking: bool, cache: Path) -> None:
     """Make the networks of one sort of vehicle, in the form of a run's folder."""
     vehicles = SORTS[sort]
-    parts = {p.name: p.mirrored() for p in load_vehicle(vehicles[0]).parts}
+    each = [{p.name: p.mirrored() for p in load_vehicle(name).parts} for name in vehicles]
+    parts = {n: s for n, s in each[0].items() if all((n, s) in o.items() for o in each)}
     features = select_features(GROUPS[sort], parts=tuple(parts))
     chunks = [Chunk(v, p, s) for p in SEEDS for v in vehicles for s in SEEDS[p]]
     cache.mkdir(parents=True, exist_ok=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import tyro
 
@@ -14,11 +14,8 @@ from twin.cli.console import Console, JsonOption
 from twin.cli.options import StoreArgument
 from twin.cli.program import EXIT_OK
 
-if TYPE_CHECKING:
-    pass
-
-LINE = "%d,%.3f,%.5f,%.5f"
-"""Mission, time [s], surge and sway [m/s] in the file"""
+ERROR = "dr_velocity_percent_mean"
+"""Figure that decides between methods: track error with true attitude, in % of the path"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,33 +41,33 @@ class Velocities(JsonOption):
         """Estimate, judge, write."""
         import numpy as np
 
-        from learn.shipped.velocities import ShippedNetworks
+        from learn.evaluation import evaluate
+        from learn.networks import ShippedNetworks, write_velocities
         from twin.errors import InputError
-        from twin.records.storage.whole import whole_file
 
         if self.out is not None:
             if self.out.suffix != ".csv":
                 raise InputError(f"--out {self.out}: the file is a CSV; name it .csv")
             check_file(self.out, "--out")
         with ShippedNetworks(self.store) as shipped:
-            errors = shipped.errors(self.split)
+            errors: dict[str, float] = {}
+            if shipped.judged:
+                judged = evaluate(shipped.networks, self.store, split=self.split).to_json()
+                known = {"network": judged, **judged["baselines"]}
+                errors = {n: figures[ERROR] for n, figures in known.items() if figures[ERROR]}
             best = min(errors, key=lambda name: errors[name]) if errors else "network"
             rows: list[dict[str, Any]] = []
-            blocks = []
+            found = []
             for mission, time, surge, sway in shipped.velocities(best, self.split):
                 rows.append({
                     "mission": mission, "hours": time[-1] / 3600.0,
                     "mean surge [m/s]": float(np.nanmean(surge)),
                     "mean sway [m/s]": float(np.nanmean(sway)),
                 })  # fmt: skip
-                if self.out is not None:
-                    count = np.full(len(time), mission)
-                    blocks.append(np.stack([count, time, surge, sway], 1))
+                found.append((mission, time, surge, sway))
             absent = shipped.absent
         if self.out is not None:
-            with whole_file(self.out) as place:
-                np.savetxt(place, np.concatenate(blocks), LINE, header="mission,time,surge,sway",
-                           comments="")  # fmt: skip
+            write_velocities(self.out, found)
         console.answer(method=best, track_error_percent=errors, replaced=absent, missions=rows)
         console.table(rows, title=f"velocities by {best}", digits=3)
         console.say()

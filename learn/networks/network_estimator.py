@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from learn.networks.familiarity import HELD_TO, widened
 from learn.networks.predictor import Ensemble, Prediction, numbers
+from learn.networks.shipped_velocities import predict_shipped
 from learn.run import TARGETS, Run, open_run
 from learn.shipped import MISSING, shipped_run
-from learn.shipped.velocities import predict_shipped
 from twin.errors import InputError, StoreError
 from twin.identify.calibration import Calibration
 from twin.identify.logged_missions import Log

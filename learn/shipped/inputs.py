@@ -20,9 +20,9 @@ SORTS: Mapping[str, tuple[str, ...]] = {
 COMMON = ("attitude", "gyroscope", "depth_rate", "depth_rate_slow")
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "gliders": (*COMMON, "glide_speed", "gravity", "flight", "flight_steady"),
-    "propelled": (*COMMON, "measured_propeller", "measured_rudder", "measured_elevator"),
+    "propelled": (*COMMON, "controls"),
 }
-"""Features of each sort that mean the same on all its vehicles"""
+"""Groups of features of each sort; of the parts, those that all its vehicles have"""
 RATES = ("measured_roll_rate", "measured_pitch_rate", "measured_yaw_rate")
 FORCES = tuple(f"measured_specific_force_{axis}" for axis in "xyz")
 MISSING: Mapping[str, tuple[str, ...]] = {

@@ -11,9 +11,9 @@ import torch
 
 from learn.networks.base import NetworkConfig, build_network
 from learn.networks.plain import PlainAverages
+from learn.networks.shipped_velocities import ShippedNetworks
 from learn.run import open_run
 from learn.shipped import FOLDER, SORTS, shipped_run, substituted
-from learn.shipped.velocities import ShippedNetworks
 from twin.errors import InputError
 from twin.vehicle.vehicle import load_vehicle
 

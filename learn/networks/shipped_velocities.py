@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Self
 
 import numpy as np
 
 from learn.data.dataset import MissionSequence, Selection
-from learn.evaluation.evaluation import evaluate
-from learn.evaluation.score import FLOOR, NETWORK
 from learn.networks.predictor import Prediction, prediction
 from learn.shipped import shipped_run
 from learn.shipped.inputs import substituted
@@ -20,9 +19,10 @@ from twin.navigation.settings import ESTIMATED, estimate, sources
 from twin.numbers import Array
 from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
+from twin.records.storage.whole import whole_file
 
-ERROR = "dr_velocity_percent_mean"
-"""Figure that decides between methods: track error with true attitude, in % of the path"""
+NETWORK = "network"
+"""Name of the networks among the methods of an evaluation"""
 
 
 def predict_shipped(store: str | StorePath, *, split: str = "all") -> list[Prediction]:
@@ -81,14 +81,10 @@ class ShippedNetworks:
             found = {name: every.predict([one])[0] for name, every in self.networks.items()}
             yield prediction(one, found)
 
-    def errors(self, split: str = "all") -> dict[str, float]:
-        """Track error [%] with true attitude of networks and baselines by name; empty without the
-        truth, or if a sensor is missing."""
-        if self._reader.logged or self.absent:
-            return {}
-        found = evaluate(self.networks, self._store, split=split).methods
-        known = {name: method.figures[ERROR] for name, method in found.items() if name != FLOOR}
-        return {name: value for name, value in known.items() if value is not None}
+    @property
+    def judged(self) -> bool:
+        """True if the store has the truth and all sensors, to judge networks and baselines."""
+        return not self._reader.logged and not self.absent
 
     def velocities(
         self, method: str, split: str = "all"
@@ -106,3 +102,18 @@ class ShippedNetworks:
                 assert said.sway is not None
                 time = self.period * np.arange(mission.samples, dtype=np.float64)
                 yield mission.index, time, np.asarray(said.surge), np.asarray(said.sway)
+
+
+LINE = "%d,%.3f,%.5f,%.5f"
+"""Mission, time [s], surge and sway [m/s] in a file of velocities"""
+
+
+def write_velocities(path: Path, found: Sequence[tuple[int, Array, Array, Array]]) -> None:
+    """Write mission, time [s], surge and sway [m/s] of `ShippedNetworks.velocities` as CSV.
+
+    Raises:
+      WriteError: the disk refuses.
+    """
+    rows = [np.stack([np.full(len(time), k), time, *both], 1) for k, time, *both in found]
+    with whole_file(path) as place:
+        np.savetxt(place, np.concatenate(rows), LINE, header="mission,time,surge,sway", comments="")
