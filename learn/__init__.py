@@ -11,13 +11,13 @@ Every public name is imported when it is first used.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from twin.extras import require_learning, started_as
+from twin.extras import require_factory, require_learning, started_as
 from twin.lazy import attach, places
 
 if not started_as("learn"):  # the command line reports a missing package without a traceback
-    require_learning()
+    require_factory()
 
 if TYPE_CHECKING:
     from learn.adaptation import adapt as adapt
@@ -43,4 +43,10 @@ if TYPE_CHECKING:
 
 _PLACES = places(__name__)
 __all__ = [*_PLACES]
-__getattr__, __dir__ = attach(__name__, _PLACES)
+_get, __dir__ = attach(__name__, _PLACES)
+
+
+def __getattr__(name: str) -> Any:
+    if name in _PLACES and not started_as("learn"):
+        require_learning()  # the shipped networks alone run without PyTorch
+    return _get(name)

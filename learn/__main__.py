@@ -3,12 +3,12 @@
 import sys
 
 from twin.cli.program import Program, commands_of
-from twin.extras import require_learning
+from twin.extras import require_factory, require_learning
 
 PROGRAM = Program(
     name="learn",
     summary="Networks for surge and sway, and the dead reckoning that uses them.",
-    needs=require_learning,
+    needs=require_factory if "velocities" in sys.argv[1:2] else require_learning,
     commands=commands_of(
         "learn.commands",
         {
@@ -20,6 +20,10 @@ PROGRAM = Program(
             "evaluate": (
                 "Evaluate",
                 "dead reckoning of a run on any store, beside floor and baselines",
+            ),
+            "velocities": (
+                "Velocities",
+                "surge and sway of any store by the shipped networks, without torch",
             ),
             "adapt": (
                 "learn.commands.trained:Adapt",

@@ -119,7 +119,8 @@ def evaluate(
     found = run if isinstance(run, Run) else open_run(run)
     place = found.store if store is None else store
     with tempfile.TemporaryDirectory(prefix="glider-twin-") as elsewhere:
-        kept = found.folder if place in found.stores else Path(elsewhere)
+        own = () if found.shipped else found.stores
+        kept = found.folder if place in own else Path(elsewhere)
         further = further_missions(place, split, kept, least=least, say=say)
         return evaluate_run(
             found, place, split=split, baselines=baselines, watches=watches, further=further
@@ -167,7 +168,8 @@ def export(
     target = found.folder / to if folder is None else Path(folder)
     place = found.store if store is None else store
     with MissionStore(place) as reader:
-        networks = found.networks(reader.vehicle)
+        found = found.at(reader.period) if found.shipped else found
+        networks = found.networks(reader.vehicle, plain=False)
     channels = [c for e in networks.values() for c in channels_of(e.members[0].features)]
     surge = networks["surge"]
     with Selection(

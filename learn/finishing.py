@@ -12,7 +12,7 @@ import numpy as np
 from learn.data.dataset import TARGETS, MissionSequence, load_missions
 from learn.data.stores import parts_of
 from learn.evaluation.deviation import ErrorModel, fit_error_model
-from learn.evaluation.score import NETWORK, ReferenceVelocity
+from learn.evaluation.score import NETWORK, ReferenceVelocity, summarise_scores
 from learn.files import write_sealed
 from learn.networks.familiarity import HELD_TO, MISSIONS, Familiarity, Tether, training_flights
 from learn.report.card import model_card
@@ -29,6 +29,7 @@ from learn.run import (
     REPORT,
     TETHER,
     Run,
+    open_run,
 )
 from learn.run_evaluation import (
     LEAST_JUDGED,
@@ -93,6 +94,7 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
         run = run.remember(error_model=dataclasses.asdict(model), **tether)
     say(f"evaluating on {split} missions, at most {JUDGED}, with floor and baselines")
     test = evaluate_own(run, split=split, limit=JUDGED, least=LEAST_JUDGED, say=say)
+    test = _beside_start(run, test, split)
     write_sealed(run.folder / EVALUATION, test.figures)
     paper = None if is_log_store(run.stores[0]) else _paper_test(run, say)
     if paper is not None:
@@ -104,6 +106,31 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
     sync_tree(run.folder)
     write_checksums(run.folder)
     return run
+
+
+JUDGED_BY = "dr_velocity_percent_mean"
+"""Figure that decides between methods: track error with true attitude, in % of the path"""
+BEFORE, BEST = "before", "best"
+"""Entries of an evaluation: figures of the networks that the training started from; best method"""
+
+
+def _beside_start(run: Run, test: RunEvaluation, split: str) -> RunEvaluation:
+    """Evaluation with BEST and, for a run that started from another, BEFORE on equal missions."""
+    known = {n: f[JUDGED_BY] for n, f in test.figures["baselines"].items() if f[JUDGED_BY]}
+    known[NETWORK] = test.figures[JUDGED_BY]
+    figures = {**test.figures, BEST: min(known, key=lambda name: known[name])}
+    start = run.description["settings"].get("start")
+    if start is not None and len(run.stores) == 1:
+        first = open_run(start)
+        first = first.at(run.period) if first.shipped else first
+        further = sorted(run.folder.glob("judged-*.zarr"))
+        before = evaluate_run(
+            first, run.store, split=split, baselines=(), limit=JUDGED,
+            further=further[0] if further else None,
+        )  # fmt: skip
+        names = (*summarise_scores(()), "missions")
+        figures[BEFORE] = {name: before.figures[name] for name in dict.fromkeys(names)}
+    return dataclasses.replace(test, figures=figures)
 
 
 def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, history: str) -> Path:

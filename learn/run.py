@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
+import importlib.util
 import json
 import platform
 from collections.abc import Iterable, Mapping
@@ -39,6 +40,8 @@ if TYPE_CHECKING:
     from twin.vehicle.vehicle import Vehicle
 
 RUNS = Path("runs")
+SHIPPED = Path(__file__).parent / "shipped"
+"""Folder of the networks of `learn.shipped`: runs `gliders`, `propelled` and theirs"""
 DEFAULT_STORE = Path("data/missions.zarr")
 """Default path of a store, as in `factory generate`."""
 DESCRIPTION = "run.json"
@@ -69,6 +72,8 @@ MORE_STORES = "more_stores"
 trained on several; the entry of this name in the settings has the stores' paths"""
 FAMILIARITY = "familiarity"
 """Entry of `run.json`, if the networks read the flight filter: the hulls in the training"""
+CARD_ENTRY = "card"
+"""Entry of `run.json`, if the run is shipped (`learn.shipped`): its recipe, hours and licence"""
 SETTINGS = ("store", "features", "network", "training", "members", "division")
 """Settings without which a run cannot be read."""
 TARGETS = ("surge", "sway")
@@ -96,6 +101,8 @@ class Run:
         Raises:
           InputError: the run was trained on several stores.
         """
+        if self.shipped:
+            raise InputError("shipped networks have no store of their own: give one")
         if len(self.stores) > 1:
             raise InputError(
                 f"run {self.name} was trained on several stores: give the one that is meant of "
@@ -120,6 +127,16 @@ class Run:
         chosen = self.description["settings"].get("period")
         stored = self.description.get("store", {}).get(SAMPLE_PERIOD, FACTORY_PERIOD)
         return float(stored if chosen is None else chosen)
+
+    @property
+    def shipped(self) -> bool:
+        """True for networks of `learn.shipped`, which suit several sample periods."""
+        return CARD_ENTRY in self.description
+
+    def at(self, period: float) -> Run:
+        """Return shipped networks with another sample period [s]."""
+        settings = {**self.description["settings"], "period": period}
+        return Run(self.folder, {**self.description, "settings": settings})
 
     @property
     def features(self) -> tuple[str, ...]:
@@ -165,13 +182,17 @@ class Run:
         from twin.records.reader import MissionStore
 
         with MissionStore(store) as reader:
-            networks = self.networks(reader.vehicle)
-        return predict_missions(networks, store, split=split, period=self.period)
+            run = self.at(reader.period) if self.shipped else self
+            networks = run.networks(reader.vehicle)
+        return predict_missions(networks, store, split=split, period=run.period)
 
-    def networks(self, vehicle: Vehicle | None = None) -> dict[str, Ensemble]:
+    def networks(
+        self, vehicle: Vehicle | None = None, *, plain: bool | None = None
+    ) -> dict[str, Ensemble]:
         """Load the networks for surge and sway.
 
         Args:
+          plain: load networks `ema` without torch; None: if the run is shipped, or without torch.
           vehicle: their vehicle. If its model was not in the training, a bias limit holds surge to
             the flight filter's (`learn.networks.familiarity`). None: no limit.
 
@@ -190,13 +211,16 @@ class Run:
                 f"the networks of run {self.name} learned to read flight filter {learned}, and "
                 f"this program has {FLIGHT_FILTER}: fit the run again (`learn fit`)"
             )
+        if plain is None:
+            plain = self.shipped or importlib.util.find_spec("torch") is None
         found, model = {}, self.error_model()
         intervals = {"surge": model.surge_interval, "sway": model.sway_interval}
         for target in TARGETS:
             members = []
             for place in range(self.members):
                 path = stem(self.folder, target, place)
-                members.append(load_predictor(path))
+                period = self.period if self.shipped else None
+                members.append(load_predictor(path, period=period, plain=plain))
                 if members[-1].target != target:
                     raise StoreError(
                         f"{path}.json holds a network for {members[-1].target}, not {target}"
@@ -389,7 +413,7 @@ def stem(folder: Path, target: str, member: int) -> Path:
 
 
 def open_run(path: str | Path) -> Run:
-    """Open a finished run by its folder, or by its name in `runs/`.
+    """Open a finished run by its folder, or by its name in `runs/` or among the shipped ones.
 
     Args:
       path: the folder or the name.
@@ -399,8 +423,8 @@ def open_run(path: str | Path) -> Run:
       StoreError: the run is unfinished, damaged or of another version.
     """
     folder = Path(path)
-    if not folder.exists() and (RUNS / folder).is_dir():
-        folder = RUNS / folder
+    if not folder.exists():
+        folder = next((k / folder for k in (RUNS, SHIPPED) if (k / folder).is_dir()), folder)
     description = read_description(folder)
     if not description.get("complete"):
         raise StoreError(

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from learn.data.dataset import SPLITS, MissionSequence, Selection, any_channel
+from learn.data.further import fly_further, longer, recipe_to_fly
 from learn.evaluation.deviation import Coverage, FixConsistency
 from learn.evaluation.evaluation import Evaluation, Watch, evaluate, pooled
 from learn.evaluation.score import NETWORK
@@ -19,7 +20,6 @@ from learn.report.contents import RunEvaluation, Showcase
 from learn.run import Run
 from twin.cli.console import to_json
 from twin.cli.text_table import counted
-from twin.errors import TwinError
 from twin.navigation.estimators.base import Estimate
 from twin.navigation.flight_filter import FlightFilter
 from twin.records.attributes import SETTINGS, is_logged
@@ -54,6 +54,7 @@ def evaluate_run(
     """
     with MissionStore(store) as reader:
         vehicle, logged = reader.vehicle, reader.logged
+        run = run.at(reader.period) if run.shipped else run
         at_fixes = None if logged else _consistency(run, reader)
     networks, hulls = run.networks(vehicle), _hulls(run, vehicle)
     outside = None if hulls is None else hulls.outside
@@ -105,36 +106,23 @@ def further_missions(
     Returns:
       The store; None if the split has enough, and for stores whose recipe cannot be flown.
     """
-    from factory.generation.generated_store import GeneratedStore
-    from factory.generation.generation import generate
-    from factory.sampling.presets import PRESETS
-
-    attributes = read_attributes(store)
-    if split == "all" or SETTINGS not in attributes or is_log_store(store):
+    if split == "all" or SETTINGS not in read_attributes(store) or is_log_store(store):
         return None
     with Selection(store, any_channel(store), split=split) as selection:
         own = len(selection)
     if own >= least:
         return None
-    try:
-        recipe = GeneratedStore(store).recipe
-    except TwinError as error:
-        say(f"judging by {counted(own, 'mission')} alone: {error}")
+    recipe = recipe_to_fly(
+        store, lambda why: say(f"judging by {counted(own, 'mission')} alone: {why}")
+    )
+    if recipe is None:
         return None
-    if PRESETS[recipe.preset].fixed_missions:
-        return None
-    lacking = max(least - own, len(SPLITS))
-    more, hours = recipe, lacking * recipe.plan.hours / len(recipe.plan)
-    while more is recipe or len(more.plan) < lacking:  # durations are sampled
-        more = dataclasses.replace(recipe, seed=int(recipe.digest[:8], 16), hours=hours)
-        hours *= 1.05
+    more = longer(recipe, max(least - own, len(SPLITS)), seed=int(recipe.digest[:8], 16))
     say(
         f"flying {counted(len(more.plan), 'mission')} more of this recipe to judge by: the store "
         f"has {counted(own, split + ' mission')}"
     )
-    path = folder / f"judged-{more.digest[:8]}.zarr"
-    generate(more, path, resume=True, history="learn")
-    return path
+    return fly_further(more, folder, "judged")
 
 
 def evaluate_own(

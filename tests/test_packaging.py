@@ -198,6 +198,8 @@ def test_the_wheel_without_extras_flies_generates_imports_and_draws(bare, tmp_pa
     read = [bare / "factory", "import", "csv", "log.csv", "--mapping", "mine.toml"]
     _run([*read, "--out", "log.zarr"], tmp_path)
     _run([bare / "twin", "plot", "run.zarr", "--out", "figure.png"], tmp_path)
+    shipped = ["--navigate", "network", "--duration", "300", "--out", "shipped.zarr"]
+    _run([bare / "twin", "simulate", *shipped], tmp_path)
     assert "usage: twin identify" in _run([bare / "twin", "identify", "--help"], tmp_path)
 
 
@@ -209,7 +211,6 @@ def test_the_wheel_without_extras_flies_generates_imports_and_draws(bare, tmp_pa
         ("learn", "compare"),
         ("learn", "export"),
         ("python", "-m", "learn", "fit"),
-        ("twin", "simulate", "--navigate", "network", "--out", "run.zarr"),
     ],
 )
 def test_without_the_extra_learn_the_line_that_installs_it(words, bare, tmp_path):

@@ -19,7 +19,7 @@ _FEATURES = (
     "shift sin_rotation cos_rotation pump "
     "shift_change rotation_change pump_change "
     "shift_command sin_rotation_command cos_rotation_command pump_command "
-    "flight_surge flight_sway flight_attack"
+    "flight_surge flight_sway flight_attack flight_steady"
 )
 """Names of the shipped features, in the order of a network's inputs"""
 

@@ -55,6 +55,8 @@ class Fit(FitSettings, JsonOption):
     """only train: `learn report` evaluates the networks and writes the page later"""
     tensorboard: bool = False
     """also write TensorBoard events into the run (needs the package tensorboard)"""
+    scratch: bool = False
+    """start from random weights, not from the shipped networks that suit the store"""
     resume: bool = False
     """continue the run of this --name with its own settings; start it if it is missing"""
     overwrite: bool = False
@@ -63,8 +65,9 @@ class Fit(FitSettings, JsonOption):
 
     def run(self, console: Console) -> int:
         """Train, evaluate, write the report."""
+        shipped, told = None, ""
         if not self.resume:
-            _open_stores(self.store or (str(DEFAULT_STORE),))
+            shipped, told = _start(self.store or (str(DEFAULT_STORE),), self)
         from learn.finishing import check_finish, finish
         from learn.report import tell_report
         from learn.run_folder import training_folder
@@ -79,7 +82,7 @@ class Fit(FitSettings, JsonOption):
         config = fit_settings(
             self.store or None,
             resumed=place if self.resume else None,
-            **settings | {"mirror": not self.no_mirror},
+            **settings | {"mirror": not self.no_mirror, "start": self.start or shipped},
         )
         if self.tensorboard:
             event_writer_type()
@@ -95,6 +98,7 @@ class Fit(FitSettings, JsonOption):
                 executor = stack.enter_context(dask_executor(self.scheduler))
             watcher = stack.enter_context(Watcher(console, config, place, events=self.tensorboard))
             resources = stack.enter_context(training_resources(self.workers, executor, self.memory))
+            watcher.first = told
             run = fit(
                 config, folder, resources, resume=self.resume, replace=self.overwrite,
                 watch=watcher.see, warn=watcher.warn, say=watcher.say, history=history,
@@ -120,13 +124,46 @@ class Fit(FitSettings, JsonOption):
         return RUNS / (free_name() if self.name is None else checked_name(self.name))
 
 
-def _open_stores(stores: Sequence[StoreArgument | str]) -> None:
-    """Open each store, whose errors then come before the import of torch, which takes seconds."""
+WITH_START = ("network", "hidden", "layers", "delays", "memories", "inputs", "features", "without",
+              "labels", "division")  # fmt: skip
+"""Options that a start from shipped networks leaves no choice of"""
+
+
+def _start(stores: Sequence[StoreArgument | str], options: Fit) -> tuple[Path | None, str]:
+    """Open each store and choose the shipped networks to start from, before torch is imported.
+
+    Returns:
+      Folder of the shipped networks, and a sentence on them. None if the training starts from
+      random weights: asked for, with options that need it, for logs, or if none suit the vehicle
+      and its channels.
+    """
+    from learn.shipped import shipped_run
     from twin.records import MissionStore
 
+    found: set[Path] = set()
+    chosen = any(getattr(options, name) for name in WITH_START) or options.start is not None
+    told = ""
     for store in stores:
-        with MissionStore(store):
-            pass
+        with MissionStore(store) as reader:
+            if options.scratch or chosen or reader.logged:
+                continue
+            channels = set(map(str, reader.dataset.data_vars))
+            try:
+                run, absent = shipped_run(reader.vehicle, options.period or reader.period, channels)
+            except InputError as error:
+                told = f"starting from random weights: {error}"
+                continue
+            if absent:
+                told = (
+                    f"starting from random weights: store {store} has no {absent[0]}, which the "
+                    "shipped networks read"
+                )
+                continue
+            found.add(run.folder)
+    if told or len(found) != 1:
+        return None, told
+    (folder,) = found
+    return folder, f"starting from the shipped networks of {folder.name} (--scratch does not)"
 
 
 class Watcher:
@@ -138,6 +175,8 @@ class Watcher:
         """Progress of each network, 0 to 1"""
         self._folder, self._events, self._prog = folder, events, console.prog
         self._writer: Any = None
+        self.first = ""
+        """Note for the time when all checks are passed"""
 
     def __enter__(self) -> Watcher:
         self._progress.__enter__()
@@ -149,7 +188,10 @@ class Watcher:
             self._writer.close()
 
     def say(self, text: str) -> None:
-        """Print a note on its own line."""
+        """Print a note on its own line, after the note `first`."""
+        if self.first:
+            self._progress.note(self.first)
+            self.first = ""
         self._progress.note(text)
 
     def warn(self, text: str) -> None:

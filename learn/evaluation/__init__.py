@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from twin.lazy import attach, places
 
 if TYPE_CHECKING:
+    from learn.evaluation.evaluation import evaluate as evaluate
     from learn.evaluation.judged_tracks import TrackCollector as TrackCollector
     from learn.evaluation.judged_tracks import check_target as check_target
     from learn.evaluation.log_score import sentences as sentences

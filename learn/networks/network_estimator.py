@@ -6,16 +6,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, Self
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from learn.networks.familiarity import HELD_TO, widened
-from learn.networks.predictor import Ensemble, Prediction
+from learn.networks.predictor import Ensemble, Prediction, numbers
+from learn.networks.shipped_velocities import predict_shipped
 from learn.run import TARGETS, Run, open_run
+from learn.shipped import MISSING, shipped_run
 from twin.errors import InputError, StoreError
 from twin.identify.calibration import Calibration
 from twin.identify.logged_missions import Log
@@ -28,7 +29,7 @@ from twin.navigation.estimators.base import (
     VelocityDeviation,
     VelocityEstimator,
 )
-from twin.navigation.features import FeatureSteps
+from twin.navigation.features import FeatureSteps, channels_of
 from twin.navigation.flight_filter import FlightFilter
 from twin.navigation.flight_filter_kernels import OUTPUTS
 from twin.navigation.settings import ADAPTED, ESTIMATED, MIXED, sources
@@ -36,6 +37,7 @@ from twin.records.reader import MissionStore
 from twin.records.schema.limits import simulated_limits
 from twin.records.storage.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle
+from twin.water.density import STANDARD_OCEAN
 
 FASTEST = simulated_limits("true_surge")[1]
 """[m/s] Limit of a network's absolute output; larger velocities are clipped"""
@@ -51,7 +53,7 @@ class NetworkVelocity(VelocityEstimator):
     """
 
     kind = "network"
-    summary = "networks of a run of `learn fit`: network:RUN"
+    summary = "networks of a run of `learn fit`, network:RUN; network alone: the shipped ones"
     takes = "RUN"
 
     def __init__(
@@ -60,6 +62,7 @@ class NetworkVelocity(VelocityEstimator):
         period: float,
         vehicle: Vehicle | None = None,
         deviation: VelocityDeviation | None = None,
+        optional: Collection[str] = (),
     ):
         """Start before the first sample.
 
@@ -68,6 +71,7 @@ class NetworkVelocity(VelocityEstimator):
           period: [s] sample period of the training.
           vehicle: vehicle with its file's parameters; needed if networks read estimated channels.
           deviation: stated standard deviation, such as `Run.velocity_deviation`; None: not stated.
+          optional: channels that a sample may lack; the standard ocean's density replaces them.
 
         Raises:
           InputError: the vehicle is needed, and is missing or does not suit the flight filter.
@@ -86,8 +90,10 @@ class NetworkVelocity(VelocityEstimator):
             for feature in one.features
         )
         self._features = FeatureSteps(list(names), period)
-        self.channels = sources(self._features.channels)
-        self._guard = ChannelGuard(self.channels, period)
+        read = sources(self._features.channels)
+        self._optional = tuple(optional)
+        self.channels = tuple(name for name in read if name not in optional)
+        self._guard = ChannelGuard(read, period)
         self._flight: FlightFilter | None = None
         self._second: FlightFilter | None = None
         if set(self._features.channels) & set(ESTIMATED):
@@ -105,22 +111,24 @@ class NetworkVelocity(VelocityEstimator):
             name: [np.array([place[f] for f in one.features], int) for one in members]
             for name, members in self._members.items()
         }
-        for members in self._members.values():
-            for one in members:
-                one.network.eval()
         self.reset()
 
     @classmethod
     def open(cls, argument: str, vehicle: Vehicle, period: float) -> Self:
-        """Open the run in the folder `argument`; the sample period is the training's.
+        """Open the run in the folder `argument`, with its training's sample period; without one,
+        the shipped networks.
 
         Raises:
-          InputError: no folder is given. StoreError: the folder holds no run.
+          InputError: no shipped networks suit the vehicle. StoreError: the folder holds no run.
         """
-        if not argument:
-            raise InputError("the estimator network needs a run: network:runs/NAME")
-        run = open_run(argument)
-        return cls(run.networks(vehicle), run.period, vehicle, run.velocity_deviation(vehicle))
+        optional: tuple[str, ...] = ()
+        if argument:
+            run = open_run(argument)
+        else:  # a vehicle without a CTD is usual
+            whole = sources(channels_of(shipped_run(vehicle, period)[0].features))
+            run, optional = shipped_run(vehicle, period, set(whole) - set(MISSING["ctd"]))
+        stated = run.velocity_deviation(vehicle)
+        return cls(run.networks(vehicle), run.period, vehicle, stated, optional)
 
     @property
     def deviation(self) -> VelocityDeviation:
@@ -160,12 +168,16 @@ class NetworkVelocity(VelocityEstimator):
         self._lasting = 0.0  # see `Tether.step`
         self._mixed = (0.0, 0.0)  # second filter: 1 in a steady glide, surge's std deviation
         self._states = {
-            name: [one.network.initial_state(1) for one in members]
+            name: [one.initial_state() for one in members]
             for name, members in self._members.items()
         }
 
     def step(self, sample: Mapping[str, float]) -> BodyVelocity:
         """See `VelocityEstimator`; zero until every channel has had a good value."""
+        for name in self._optional:
+            if not math.isfinite(sample.get(name, math.nan)):
+                depth = max(sample["measured_depth"], 0.0)
+                sample = {**sample, name: STANDARD_OCEAN[0] + STANDARD_OCEAN[1] * depth}
         kept = self._guard.step(sample)
         if kept is None:
             return BodyVelocity(surge=0.0, sway=0.0)
@@ -178,28 +190,23 @@ class NetworkVelocity(VelocityEstimator):
             sample = {**sample, **said}
         seen = self._features.step(sample).astype(np.float32)
         mean = {}
-        with torch.inference_mode():
-            for name, members in self._members.items():
-                each = []
-                for k, one in enumerate(members):
-                    scaled = one.normalisation.inputs(seen[self._columns[name][k]])
-                    y, self._states[name][k] = one.network.step(
-                        torch.from_numpy(scaled)[None], self._states[name][k]
-                    )
-                    scales = one.normalisation
-                    each.append(scales.target_scale * float(y[0, 0]) + scales.target_mean)
-                value = bounded(float(np.mean(each)))
-                if name == "surge" and self._tether is not None:
-                    nearest = sample[HELD_TO[self._adapted is not None]]
-                    self._lasting, off = self._tether.step(
-                        self._lasting, value - nearest, self.period
-                    )
-                    value -= off
-                if name == "surge" and self._adapted is not None:
-                    filtered, steady, sd = (sample[c] for c in ADAPTED)
-                    self._mixed = steady, sd
-                    value += self._adapted.weight(*self._mixed) * (filtered - value)
-                mean[name] = bounded(value)
+        for name, members in self._members.items():
+            each = []
+            for k, one in enumerate(members):
+                value, self._states[name][k] = one.step(
+                    seen[self._columns[name][k]], self._states[name][k]
+                )
+                each.append(value)
+            value = bounded(float(np.mean(each)))
+            if name == "surge" and self._tether is not None:
+                nearest = sample[HELD_TO[self._adapted is not None]]
+                self._lasting, off = self._tether.step(self._lasting, value - nearest, self.period)
+                value -= off
+            if name == "surge" and self._adapted is not None:
+                filtered, steady, sd = (sample[c] for c in ADAPTED)
+                self._mixed = steady, sd
+                value += self._adapted.weight(*self._mixed) * (filtered - value)
+            mean[name] = bounded(value)
         return BodyVelocity(surge=mean["surge"], sway=mean["sway"])
 
     def state(self) -> dict[str, NDArray[Any]]:
@@ -211,7 +218,7 @@ class NetworkVelocity(VelocityEstimator):
             if flight is not None:
                 found |= {prefix + name: value for name, value in flight.state().items()}
         for name, states in self._states.items():
-            found |= {f"{name}-{k}": one.cpu().numpy().copy() for k, one in enumerate(states)}
+            found |= {f"{name}-{k}": numbers(one) for k, one in enumerate(states)}
         return found | {"lasting": np.array(self._lasting)}
 
     def restore(self, state: State) -> None:
@@ -227,7 +234,7 @@ class NetworkVelocity(VelocityEstimator):
                     raise InputError(
                         "this state is of other networks: open the run that it was saved of"
                     )
-                states[k] = torch.from_numpy(np.array(saved, np.float32))
+                states[k] = self._members[name][k].state(saved)
         self._lasting = float(state.get("lasting", 0.0))
         self._guard.restore(_below("guard:", state))
         self._features.restore(_below("features:", state))
@@ -250,36 +257,39 @@ class NetworkFlight(FlightEstimator):
     """Surge and sway by the networks of a run; heave is solved from the vertical velocity."""
 
     kind = "network"
-    summary = "surge and sway by the networks of a run of `learn fit`: network:RUN"
+    summary = (
+        "surge and sway by the networks of a run of `learn fit`, network:RUN; network alone: the "
+        "shipped ones"
+    )
 
-    def __init__(self, run: Run):
+    def __init__(self, run: Run | None):
+        """Create the estimator; None: the shipped networks that suit the store."""
         self.run = run
         self._predictions: dict[StorePath, dict[int, Prediction]] = {}
 
     @classmethod
     def open(cls, argument: str) -> Self:
-        """Open the run in the folder `argument`.
+        """Open the run in the folder `argument`; without one, the shipped networks.
 
         Raises:
-          InputError: no folder is given.
           StoreError: the folder holds no run.
         """
-        if not argument:
-            raise InputError("the estimator network needs a run: network:runs/NAME")
-        return cls(open_run(argument))
+        return cls(open_run(argument) if argument else None)
 
     def motion(
         self, store: MissionStore, log: Log, calibration: Calibration, start: Velocity
     ) -> Translation:
         """See `FlightEstimator.motion`; a run of longer period is interpolated linearly."""
         if store.path not in self._predictions:
-            found = self.run.predict(store.path)
+            found = (
+                predict_shipped(store.path) if self.run is None else self.run.predict(store.path)
+            )
             self._predictions[store.path] = {one.mission: one for one in found}
         known = self._predictions[store.path]
         if log.index not in known:
             raise StoreError(
-                f"run {self.run.name} lacks mission {log.index} of {store.path}; leave "
-                "it out with --missions"
+                f"the networks' velocities lack mission {log.index} of {store.path}; leave it out "
+                "with --missions"
             )
         one = known[log.index]
         time = log.period * np.arange(len(log.depth))

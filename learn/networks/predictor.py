@@ -10,24 +10,27 @@ import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from learn.data.dataset import MissionSequence, Selection, pieces
 from learn.data.sequences import Normalisation
 from learn.files import SEAL, check_seal, read_json, write_sealed
-from learn.networks.base import Network, NetworkConfig, build_network
 from learn.networks.familiarity import HELD_TO, Familiarity, Tether
+from learn.networks.plain import PlainAverages, load_weights
 from learn.seams import NETWORKS
 from twin.errors import InputError, StoreError
+from twin.extras import require
 from twin.navigation.features import channels_of, feature
 from twin.navigation.flight_filter import FlightSpread, FlightStart
 from twin.navigation.settings import ADAPTED
 from twin.records.storage.store_path import StorePath
 from twin.records.storage.whole import whole_file
+
+if TYPE_CHECKING:
+    from learn.networks.base import Network
 
 Floats = NDArray[np.float32]
 
@@ -50,7 +53,8 @@ MOST_SAMPLES = 2**20
 class Predictor:
     """Network for one velocity, with its normalisation."""
 
-    network: Network
+    network: Any
+    """A `Network`, or `PlainAverages` without torch"""
     normalisation: Normalisation
 
     @property
@@ -78,13 +82,41 @@ class Predictor:
         return [scale * values + mean for values in free_run(self.network, matrices)]
 
     def _check_period(self, mission: MissionSequence) -> None:
-        trained = self.network.config.period  # 0 in files of releases up to 0.1.0
+        # 0 in files of releases up to 0.1.0
+        plain = isinstance(self.network, PlainAverages)
+        trained = self.network.period if plain else self.network.config.period
         if trained and not math.isclose(mission.period, trained, rel_tol=1e-3):
             raise StoreError(
                 f"mission {mission.index} has a sample every {mission.period:g} s, and the network "
                 f"was trained with one every {trained:g} s: load the missions with "
                 f"period={trained:g}"
             )
+
+    def initial_state(self) -> Any:
+        """State before the first sample."""
+        return self.network.initial_state(1)
+
+    def state(self, saved: Any) -> Any:
+        """State from its `numbers`."""
+        found = np.array(saved, np.float32)
+        if isinstance(self.network, PlainAverages):
+            return found
+        import torch
+
+        return torch.from_numpy(found)
+
+    def step(self, values: Floats, state: Any) -> tuple[float, Any]:
+        """[m/s] Velocity for one sample of features (features,), and the state after it."""
+        scaled = self.normalisation.inputs(values)
+        if isinstance(self.network, PlainAverages):
+            y, state = self.network.step(scaled, state)
+        else:
+            import torch
+
+            with torch.inference_mode():
+                made, state = self.network.step(torch.from_numpy(scaled)[None], state)
+            y = float(made[0, 0])
+        return self.normalisation.target_scale * y + self.normalisation.target_mean, state
 
     def save(self, stem: Path) -> None:
         """Write `stem`.safetensors (weights) and `stem`.json (the rest, with the SHA-256 of both).
@@ -96,6 +128,7 @@ class Predictor:
         """
         from safetensors.torch import save
 
+        assert not isinstance(self.network, PlainAverages)
         state = {k: v.detach().cpu().contiguous() for k, v in self.network.state_dict().items()}
         data = save(state)
         with whole_file(stem.with_suffix(".safetensors")) as unnamed:
@@ -111,16 +144,23 @@ class Predictor:
         write_sealed(stem.with_suffix(".json"), description)
 
 
-def load_predictor(stem: Path) -> Predictor:
+def numbers(state: Any) -> Floats:
+    """Copy of a network's state, of torch or numpy, as an array."""
+    return np.array(state if isinstance(state, np.ndarray) else state.cpu().numpy(), np.float32)
+
+
+def load_predictor(stem: Path, *, period: float | None = None, plain: bool = False) -> Predictor:
     """Load a predictor that `Predictor.save` wrote.
+
+    Args:
+      period: [s] another sample period than the training's, for networks `ema` that were trained
+        with several.
+      plain: load a network `ema` without torch.
 
     Raises:
       StoreError: a file is missing, damaged or of another format, or the two files do not match.
       InputError: the description names a feature or network unknown to this version.
     """
-    from safetensors import SafetensorError
-    from safetensors.torch import load
-
     weights_path, description_path = stem.with_suffix(".safetensors"), stem.with_suffix(".json")
     for path in (description_path, weights_path):
         if not path.is_file():
@@ -147,16 +187,15 @@ def load_predictor(stem: Path) -> Predictor:
             raise InputError(
                 f"{description_path}: {NETWORKS.unknown(str(kind), description.get(PLACE, ''))}"
             )
-        config = NetworkConfig(**description["network"])
+        shape = description["network"] | ({} if period is None else {"period": period})
         fields: dict[str, Any] = description["normalisation"]
         for name in ("features", "mean", "scale"):
             fields[name] = tuple(fields[name])
         normalisation = Normalisation(**fields)
-        network = build_network(config)
-        network.load_state_dict(load(weights))
-    except InputError:
+        network = _built(shape, weights_path, plain=plain)
+    except (InputError, StoreError):
         raise
-    except (KeyError, TypeError, RuntimeError, SafetensorError) as error:
+    except (KeyError, TypeError, RuntimeError) as error:
         message = " ".join(str(error).split())
         raise StoreError(f"{weights_path} does not fit {description_path}: {message}") from error
     for name in ("mean", "scale"):
@@ -171,16 +210,38 @@ def load_predictor(stem: Path) -> Predictor:
             raise StoreError(f"{description_path} is damaged: normalisation.{name} is not finite")
     for name in normalisation.features:
         feature(name)  # raises if the feature is unknown
-    if config.inputs != len(normalisation.features):
+    if shape["inputs"] != len(normalisation.features):
         raise StoreError(
             f"{description_path} names {len(normalisation.features)} features for a network with "
-            f"{config.inputs} inputs"
+            f"{shape['inputs']} inputs"
         )
     return Predictor(network, normalisation)
 
 
-def free_run(network: Network, matrices: Sequence[Floats]) -> list[Floats]:
+def _built(shape: Mapping[str, Any], weights: Path, *, plain: bool) -> Network | PlainAverages:
+    """Network of a shape (fields of `NetworkConfig`) with the weights of a file."""
+    if plain and shape["kind"] == "ema":
+        return PlainAverages(shape, load_weights(weights))
+    require("torch", extra="learn", purpose=f"a network of type {shape['kind']}")
+    from safetensors import SafetensorError
+    from safetensors.torch import load
+
+    from learn.networks.base import NetworkConfig, build_network
+
+    network = build_network(NetworkConfig(**shape))
+    try:
+        network.load_state_dict(load(weights.read_bytes()))
+    except SafetensorError as error:
+        raise TypeError(str(error)) from error
+    return network
+
+
+def free_run(network: Network | PlainAverages, matrices: Sequence[Floats]) -> list[Floats]:
     """Normalised outputs (time,) for normalised inputs (time, features), from zero state."""
+    if isinstance(network, PlainAverages):
+        return [network.run(matrix) for matrix in matrices]
+    import torch
+
     results: list[Floats] = [np.empty(0, np.float32)] * len(matrices)
     device = next(network.parameters()).device
     network.eval()
@@ -327,12 +388,13 @@ def predict_missions(
             missions = selection.read(places)
             found = {name: ensemble.predict(missions) for name, ensemble in networks.items()}
             results += [
-                _prediction(m, {n: f[k] for n, f in found.items()}) for k, m in enumerate(missions)
+                prediction(m, {n: f[k] for n, f in found.items()}) for k, m in enumerate(missions)
             ]
     return results
 
 
-def _prediction(mission: MissionSequence, found: Mapping[str, tuple[Floats, Floats]]) -> Prediction:
+def prediction(mission: MissionSequence, found: Mapping[str, tuple[Floats, Floats]]) -> Prediction:
+    """Prediction of a mission from means and standard deviations over members, by velocity."""
     return Prediction(
         mission=mission.index,
         time=mission.period * np.arange(mission.samples, dtype=np.float64),

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from learn.evaluation.score import NETWORK
 from learn.report.contents import KNOWLEDGE_TITLES, title_of
 from twin.cli.text_table import counted
 from twin.navigation.estimators.base import baselines
@@ -220,6 +221,16 @@ def verdicts(evaluation: Figures) -> list[str]:
             named = _list([f"{title_of(name)} ({value:.3g} %)" for name, value in lost.items()])
             text += f"{'; they do' if beaten else ' and do'} not beat {named}"
         sentences.append(text + ".")
+    if evaluation.get("best", NETWORK) != NETWORK:
+        sentences.append(
+            f"Navigate by {title_of(evaluation['best'])}: it has the least track error with true "
+            "attitude."
+        )
+    if before := evaluation.get("before"):
+        sentences.append(
+            "With true attitude, the networks that the training started from have "
+            f"{before['dr_velocity_percent_mean']:.3g} % on these missions."
+        )
     sentences += _ground_verdicts(evaluation)
     for knowledge in ("previous", "corrected"):
         sentence = _dive_verdict(evaluation, knowledge)

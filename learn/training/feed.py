@@ -118,7 +118,7 @@ class SampleFeed(Feed):
         self.network, self.config = network, config
         device = next(network.parameters()).device
         counted = np.concatenate(sequences.weights) > 0.0
-        self._recalled = _recall(network, sequences)[torch.from_numpy(counted)].to(device)
+        self._recalled = recall(network, sequences)[torch.from_numpy(counted)].to(device)
         self._wanted = torch.from_numpy(np.concatenate(sequences.targets)[counted]).to(device)
         self._image: tuple[Tensor, float] | None = None
         """Signs of memory and target in the mirror image; None if missions are not mirrored."""
@@ -161,7 +161,7 @@ def _pieces(places: NDArray[np.int64], mirrored: NDArray[np.bool_] | None, size:
     ]
 
 
-def _recall(network: FixedMemory, sequences: Sequences) -> Tensor:
+def recall(network: FixedMemory, sequences: Sequences) -> Tensor:
     """Fixed memory at every sample, (samples, recalled), mission by mission."""
     found: list[Tensor] = [torch.empty(0)] * len(sequences.inputs)
     order = np.argsort(-sequences.lengths, kind="stable")

@@ -28,6 +28,7 @@ from twin.navigation.features import (
     select_features,
 )
 from twin.navigation.flight_filter import ANY, HULLS
+from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath, store_path
 
 FREE = ("device", "threads")
@@ -189,6 +190,9 @@ def fit_settings(
     other_inputs = bool(own.features or own.without or own.inputs is not None)
     if own.start is not None:
         first = open_run(own.start)
+        if first.shipped:
+            with MissionStore(places[0]) as reader:
+                first = first.at(own.period or reader.period)
         if other_inputs or kinds:
             raise InputError(
                 "--start takes inputs and network from the run: leave out --inputs, --features, "
@@ -198,7 +202,10 @@ def fit_settings(
             raise InputError(
                 f"run {first.name} has a sample every {first.period:g} s: leave --period out"
             )
-        start, period, chosen = str(first.folder), first.period, first.features
+        start, chosen = str(first.folder), first.features
+        period = own.period if first.shipped else first.period
+        if first.shipped and own.members is None:
+            base = dataclasses.replace(base, members=first.members)
         shape = NetworkConfig(**first.description["settings"]["network"])
     if other_inputs:
         if own.inputs is not None and own.inputs not in INPUT_SETS:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,7 @@ from learn.run import (
 from learn.run_folder import RunFolder, training_folder
 from learn.seams import NETWORKS, OPTIMISERS
 from learn.training.fit_config import FitConfig, TrainingJob
+from learn.training.held_back import choose_hulls, fly_held_back
 from learn.training.resources import Resources, choose_residence
 from learn.training.trainer import TrainingReport, pick_device
 from learn.training.workers import Task, train_tasks
@@ -121,7 +123,19 @@ def fit(
         with place:
             repair_metrics(place.folder)
             write_description(place.folder, description)
-            _train(jobs, place.folder, description, resources, watch, resident=resident)
+            held: tuple[str, ...] = ()
+            if config.start is not None and jobs and config.labels.source == "truth":
+                held = fly_held_back(config, place.folder, say)
+            if held and place.fresh:
+                config = dataclasses.replace(config, hulls=choose_hulls(config, held, say))
+                description["settings"]["hulls"] = config.hulls
+                write_description(place.folder, description)
+                jobs = config.jobs()
+            tasks = [Task(job, place.folder, resident, held) for job in jobs]
+            _train(tasks, place.folder, description, resources, watch)
+            for one in held:
+                shutil.rmtree(one)
+                Path(f"{one}.log").unlink(missing_ok=True)
             description |= {"complete": True, "finished": now()}
             write_description(place.folder, description)
             place.complete()
@@ -140,13 +154,11 @@ def fit(
 
 
 def _train(
-    jobs: Sequence[TrainingJob],
+    tasks: Sequence[Task],
     folder: Path,
     description: dict[str, Any],
     resources: Resources,
     watch: Watch | None,
-    *,
-    resident: bool,
 ) -> None:
     """Train networks in a folder; each saved network adds its numbers to the description."""
 
@@ -162,7 +174,7 @@ def _train(
         if watch is not None:
             watch(task.job, report)
 
-    train_tasks([Task(job, folder, resident) for job in jobs], resources, seen, finished)
+    train_tasks(tasks, resources, seen, finished)
 
 
 def _run_to_continue(folder: Path, *, resume: bool, replace: bool) -> dict[str, Any] | None:
@@ -281,7 +293,8 @@ def _describe(config: FitConfig, content: Sequence[str], history: str) -> dict[s
     origins: dict[str, dict[str, Any]] = {}
     if config.start is not None:
         first = open_run(config.start)
-        origin = {"run": str(first.folder), "store": ", ".join(map(str, first.stores))}
+        stores = () if first.shipped else first.stores
+        origin = {"run": str(first.folder), "store": ", ".join(map(str, stores))}
         origins[ORIGIN] = {**first.description["store"], **origin}
         if earlier := first.description.get(ORIGIN):
             origins[ORIGIN][ORIGIN] = earlier

@@ -19,10 +19,12 @@ from torch import Tensor
 
 from learn.data.sequences import SequenceSource, ahead
 from learn.networks.base import Network, NetworkConfig, build_network
+from learn.networks.fixed_memory import FixedMemory
 from learn.networks.predictor import free_run, groups_by_length
 from learn.seams import OPTIMISERS
 from learn.training.checkpoint import read_checkpoint, write_checkpoint
 from learn.training.feed import Feed, feed_for
+from learn.training.held_back import Held, HeldBack
 from learn.training.optimiser import (
     FullBatchOptimiser,
     MinibatchOptimiser,
@@ -36,6 +38,9 @@ from twin.records.windows import Places, buffers
 
 TRAINING_PER_VALIDATION = 4.0
 """Smallest ratio of training to validation time: a large store is validated less often."""
+CAREFUL, LEAST_CAREFUL = 0.25, 0.25 / 32
+"""[1] Factor on the step size of a training that held-back missions decide. Each refused change
+halves it; below the second number the training ends"""
 BUFFER_ORDER = 1
 """Last entry of the seed for the order of buffers, distinct from the seed that shuffles windows."""
 
@@ -88,6 +93,10 @@ class Trainer:
 
     Sequences are normalised; `target_scale` converts normalised errors to m/s. `start` has initial
     weights instead of random ones. They stay the best until a validation error is lower.
+
+    If `careful`, the validation missions are held back: a change of the weights stays only if
+    neither the error nor the missions' mean error grows. Else the best weights come back, and the
+    steps become smaller, down to none. This needs a start and a network with fixed memory.
     """
 
     def __init__(
@@ -101,6 +110,7 @@ class Trainer:
         checkpoint: Path | None = None,
         report: Callable[[TrainingReport], None] | None = None,
         start: Mapping[str, Tensor] | None = None,
+        careful: bool = False,
     ) -> None:
         if not len(train.lengths):
             raise StoreError("there are no training missions")
@@ -117,7 +127,15 @@ class Trainer:
         self._only_feed: Feed | None = None
         self.history: list[TrainingReport] = []
         self.best = math.inf
-        if start is not None and validation is not None and len(validation.lengths):
+        self._held: HeldBack | None = None
+        self._best_held: Held | None = None
+        self.factor, self.refused = 1.0, False
+        if careful and start is not None and validation is not None:
+            assert isinstance(self.network, FixedMemory)
+            self._held = HeldBack(self.network, validation.take(range(len(validation.lengths))))
+            self._best_held, self.factor = self._held.judge(), CAREFUL
+            self.best = self.variance * self._best_held.mse
+        elif start is not None and validation is not None and len(validation.lengths):
             self.best = self.variance * mean_squared_error(self.network, validation)
         self.best_state = _copy(self.network)
         self.bad = 0
@@ -175,7 +193,7 @@ class Trainer:
                 groups = feed.epoch(np.random.default_rng([config.seed, epoch, number]))
                 before, own = self._part(plan[:number]), self._part(plan[number : number + 1])
                 while position < len(groups):
-                    rate = step_size(config, share)
+                    rate = self.factor * step_size(config, share)
                     for group in optimiser.param_groups:
                         group["lr"] = rate
                     self._update(optimiser, feed, groups[position])
@@ -184,6 +202,8 @@ class Trainer:
                     share = clock.share(passed)
                     if share >= min(next_check, 1.0):
                         next_check = self._check(step, passed, clock, share, rate)
+                        if self.refused:
+                            optimiser.state.clear()
                         self._save(
                             network=network.state_dict(),
                             optimiser=optimiser.state_dict(),
@@ -292,15 +312,27 @@ class Trainer:
         if not math.isfinite(train_mse):
             raise InputError("training diverged: the error is not finite; choose a smaller rate")
         validation_mse = math.nan
-        if self.validation is not None and len(self.validation.lengths):
+        held = None if self._held is None else self._held.judge()
+        if held is not None:
+            validation_mse = self.variance * held.mse
+        elif self.validation is not None and len(self.validation.lengths):
             validation_mse = self.variance * mean_squared_error(self.network, self.validation)
         judged = train_mse if math.isnan(validation_mse) else validation_mse
-        if judged < self.best:
-            self.best, self.bad = judged, 0
+        better = judged < self.best
+        if held is not None:
+            assert self._best_held is not None
+            better = held.better(self._best_held)
+        self.refused = held is not None and not better
+        if better:
+            self.best, self.bad, self._best_held = judged, 0, held
             self.best_state = _copy(self.network)
         else:
             self.bad += 1
         self.stopped = bool(self.config.patience) and self.bad >= self.config.patience
+        if self.refused:
+            self.network.load_state_dict(self.best_state)
+            self.factor *= 0.5
+            self.stopped = self.factor < LEAST_CAREFUL
         report = TrainingReport(
             step, epoch, clock.seconds(), share, rate, train_mse, validation_mse, self.best
         )
@@ -330,6 +362,8 @@ class Trainer:
             "best": self.best,
             "best_state": self.best_state,
             "bad": self.bad,
+            "factor": self.factor,
+            "best_held": None if self._best_held is None else dataclasses.astuple(self._best_held),
             **state,
         }
         write_checkpoint(self.checkpoint, everything)
@@ -341,6 +375,8 @@ class Trainer:
         self.history = [TrainingReport(*row) for row in saved["history"]]
         self.best, self.best_state = saved["best"], saved["best_state"]
         self.bad = saved["bad"]
+        if self._held is not None:
+            self.factor, self._best_held = saved["factor"], Held(*saved["best_held"])
         return saved
 
 

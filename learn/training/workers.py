@@ -46,6 +46,14 @@ class Task:
     """Folder of the run"""
     resident: bool
     """True: keep the training data in memory"""
+    held_back: tuple[str, ...] = ()
+    """Stores of held-back missions, see `learn.training.held_back`"""
+
+    def train(self, report: Callable[[TrainingReport], None]) -> TrainingReport | None:
+        """Train the network in this process."""
+        return train(
+            self.job, self.folder, report, resident=self.resident, held_back=self.held_back
+        )
 
     @property
     def reports(self) -> Path:
@@ -64,7 +72,8 @@ class Task:
             start=None if start is None else str(Path(start).absolute()),
         )
         job = dataclasses.replace(self.job, config=config)
-        return dataclasses.replace(self, job=job, folder=self.folder.absolute())
+        held = tuple(str(Path(one).absolute()) for one in self.held_back)
+        return dataclasses.replace(self, job=job, folder=self.folder.absolute(), held_back=held)
 
 
 Kinds = tuple[dict[str, Any], dict[str, Any]]
@@ -91,7 +100,7 @@ def train_tasks(
             def report(found: TrainingReport, task: Task = task) -> None:
                 seen(task, found)
 
-            finished(task, train(task.job, task.folder, report, resident=task.resident))
+            finished(task, task.train(report))
         return
     word, kinds = uuid.uuid4().hex, (NETWORKS.registered(), OPTIMISERS.registered())
     letters = {task: _ReportReader(task.reports) for task in tasks}
@@ -143,7 +152,7 @@ def work(task: Task, word: str, kinds: Kinds) -> TrainingReport | None:
                 file.write(json.dumps(dataclasses.asdict(found)) + "\n")
                 file.flush()
 
-            return train(task.job, task.folder, report, resident=task.resident)
+            return task.train(report)
     except TwinError as error:
         raise type(error)(*error.args) from None
     except Exception as error:  # passed to the parent process, which reports to the user

@@ -81,12 +81,14 @@ class FlightSpread:
         return np.array([*drags, *tilts, self.ballast, self.compressibility, self.drag])
 
 
-ANY, CLEAN = "any", "clean"
+ANY, CLEAN, USUAL = "any", "clean", "usual"
 HULLS: Mapping[str, FlightSpread] = {
     ANY: FlightSpread(),
     CLEAN: FlightSpread(drag=FlightSpread.coefficient, depth_rate=3e-3),
+    USUAL: FlightSpread(drag=0.15, depth_rate=1e-2),
 }
-"""Prior knowledge of the hulls: `any`, or `clean` (no growth, as in preset `field`). With
+"""Prior knowledge of the hulls: `any`, `clean` (no growth, as in preset `field`), or between them
+`usual`, which the shipped networks read. With
 `clean`, a lasting error of the depth rate counts as the hull's. Track error with 40 % more drag:
 1.06 % of the path by networks of clean hulls, 0.58 % by networks of any; on clean hulls 0.32 and
 0.41 % (docs/results/networks.md, "A hull that is not as its file")."""

@@ -178,14 +178,15 @@ def test_a_run_folder_opens_as_one_and_navigates():
     assert np.isfinite(flown["measured_onboard_north"]).all()
 
 
-def test_it_is_an_entry_point_and_needs_a_run(tmp_path):
+def test_it_is_an_entry_point_and_opens_the_shipped_networks(tmp_path):
     points = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]
     place = f"{NetworkVelocity.__module__}:{NetworkVelocity.__name__}"
     assert points[VELOCITY_ESTIMATORS.group] == {NetworkVelocity.kind: place}
     assert VELOCITY_ESTIMATORS.check("network", NetworkVelocity) is NetworkVelocity
     vehicle = twin.load_vehicle("glider")
-    with pytest.raises(InputError, match="network:runs/NAME"):
-        NetworkVelocity.open("", vehicle, 0.5)
+    shipped = NetworkVelocity.open("", vehicle, 2.0)
+    assert shipped.period == 2.0
+    assert "measured_density" not in shipped.channels
     with pytest.raises((InputError, StoreError)):
         NetworkVelocity.open(str(tmp_path), vehicle, 0.5)
 
@@ -223,12 +224,11 @@ def test_the_velocities_are_those_of_the_run():
         assert np.hypot(*one.dive.velocity.T)[under].mean() > 0.1
 
 
-def test_it_is_an_entry_point_and_needs_a_run_of_network_flight(tmp_path):
+def test_network_flight_is_an_entry_point_and_opens_the_shipped_networks(tmp_path):
     points = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]
     place = f"{NetworkFlight.__module__}:{NetworkFlight.__name__}"
     assert points[ESTIMATORS.group] == {NetworkFlight.kind: place}
     assert ESTIMATORS.check("network", NetworkFlight) is NetworkFlight
-    with pytest.raises(InputError, match="network:runs/NAME"):
-        NetworkFlight.open("")
+    assert NetworkFlight.open("").run is None
     with pytest.raises((InputError, StoreError)):
         NetworkFlight.open(str(tmp_path))

@@ -179,6 +179,7 @@ PUMP_COMMAND = _one("pump_command", "commands", "commanded_pump", "cm3")
 FLIGHT_SURGE = _one("flight_surge", "flight", "estimated_surge", "m s-1")
 FLIGHT_SWAY = _one("flight_sway", "flight", "estimated_sway", "m s-1", odd=True)
 FLIGHT_ATTACK = _one("flight_attack", "flight", "estimated_attack", "rad")
+FLIGHT_STEADY = _one("flight_steady", "flight_steady", "estimated_steady", "1")
 
 
 INPUT_SETS: dict[str, tuple[str, ...]] = {
