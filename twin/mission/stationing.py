@@ -173,7 +173,7 @@ def hold_pose(
     _push(gains, -sp * down, sr * cp * down, cr * cp * down + lift, k, m, n, x, y, z, command)
 
 
-def thruster_gains(vehicle, gains):  # type: ignore[no-untyped-def]
+def thruster_gains(vehicle, gains):
     """Write the thrusters' gains of a vehicle that holds a pose into its gains (GAINS,)."""
     if not vehicle.holds_pose:
         return

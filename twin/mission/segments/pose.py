@@ -7,7 +7,6 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -77,9 +76,30 @@ class Posed(Segment):
             row[g.LEVEL_SPEED] = self.speed_m_s
         return row
 
-    def common(self) -> dict[str, Any]:
-        """Fields of this class, for the poses that a segment is flown as."""
-        return {field.name: getattr(self, field.name) for field in dataclasses.fields(Posed)}
+    def whole(self) -> Pose:
+        """One pose with the targets of the whole segment, which ends where they do."""
+        raise NotImplementedError
+
+    def through(self, targets: list[dict[str, float]], heading_deg: float | None = None) -> Pose:
+        """Pose with these targets at this segment's depth and speed."""
+        common = {field.name: getattr(self, field.name) for field in dataclasses.fields(Posed)}
+        return Pose(targets=tuple(targets), heading_deg=heading_deg, **common)
+
+    def flown_as(self) -> tuple[Segment, ...]:
+        """Poses with one target each."""
+        return self.whole().flown_as()
+
+    def begun_at(self, place: tuple[float, float]) -> Segment:
+        """Pose with the start, north and east [m], as a target before the first."""
+        return self.whole().begun_at(place)
+
+    def ends_at(self, place: tuple[float, float]) -> tuple[float, float]:
+        """Last target, north and east [m]."""
+        return self.whole().ends_at(place)
+
+    def expected(self, vehicle: Vehicle, depth: float, label: str) -> tuple[float, float]:
+        """Time [s] and depth [m] of the poses."""
+        return self.whole().expected(vehicle, depth, label)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,7 +176,8 @@ class Pose(Posed):
         places = [(t["north_m"], t["east_m"]) for t in self.targets or ()]
         legs = max(len(places) - 1, 1)
         metres = sum(math.dist(a, b) for a, b in itertools.pairwise(places))
-        time = TIME_MARGIN * (metres / speed + legs * (self.stay_s + SETTLING))
+        stops = legs if self.stay_s else 1
+        time = TIME_MARGIN * (metres / speed + stops * (self.stay_s + SETTLING))
         time += TIME_MARGIN * abs(after - depth) / DEPTH_RATE
         return (time if self.duration_s is None else legs * self.duration_s), after
 
@@ -186,30 +207,18 @@ class Orbit(Posed):
             check.fail(self.kind, "radius_m", self.radius_m, "a radius, positive clockwise")
         check.within(self.kind, "turns", self.turns, "", 0.0, MOST_LEGS * STEP_DEG / 360.0)
 
-    def flown_as(self) -> tuple[Pose, ...]:
-        """Poses along the circle, in order."""
+    def whole(self) -> Pose:
+        """One pose with a target every STEP_DEG of the circle."""
         count = max(math.ceil(360.0 * self.turns / STEP_DEG), 1)
-        bearings = self.from_deg + math.copysign(360.0 * self.turns, self.radius_m) * np.linspace(
-            0.0, 1.0, count + 1
-        )
-        north = self.north_m + abs(self.radius_m) * np.cos(np.radians(bearings))
-        east = self.east_m + abs(self.radius_m) * np.sin(np.radians(bearings))
-        facing = (bearings + 180.0) % 360.0
-        if self.heading_deg is not None:
-            facing = np.full(count + 1, self.heading_deg)
-        targets = zip(north.tolist(), east.tolist(), facing.tolist(), strict=True)
-        return Pose(
-            targets=tuple({"north_m": n, "east_m": e, "heading_deg": h} for n, e, h in targets),
-            **self.common(),
-        ).flown_as()
-
-    def expected(self, vehicle: Vehicle, depth: float, label: str) -> tuple[float, float]:
-        """Time [s] of the circles with a margin, and the depth [m]."""
-        speed = self.speed_m_s or pose_row(vehicle, label)[g.LEVEL_SPEED]
-        metres = math.hypot(self.north_m, self.east_m) + abs(self.radius_m)
-        metres += 2.0 * math.pi * abs(self.radius_m) * self.turns
-        after = depth if self.depth_m is None else self.depth_m
-        return TIME_MARGIN * (metres / speed + abs(after - depth) / DEPTH_RATE) + SETTLING, after
+        turned = math.copysign(360.0 * self.turns, self.radius_m)
+        targets = []
+        for k in range(count + 1):
+            bearing = self.from_deg + turned * k / count
+            north = self.north_m + abs(self.radius_m) * math.cos(math.radians(bearing))
+            east = self.east_m + abs(self.radius_m) * math.sin(math.radians(bearing))
+            faced = (bearing + 180.0) % 360.0 if self.heading_deg is None else self.heading_deg
+            targets.append({"north_m": north, "east_m": east, "heading_deg": faced})
+        return self.through(targets)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -235,8 +244,8 @@ class Mow(Posed):
         if self.legs % 1:
             check.fail(self.kind, "legs", self.legs, "a whole number")
 
-    def corners(self) -> Pose:
-        """The pattern as one pose with its corners as targets."""
+    def whole(self) -> Pose:
+        """One pose with the ends of the legs as targets."""
         c, s = math.cos(math.radians(self.heading_deg)), math.sin(math.radians(self.heading_deg))
         targets = []
         for leg in range(int(self.legs)):
@@ -245,15 +254,7 @@ class Mow(Posed):
                 aside = leg * self.spacing_m
                 north, east = c * ahead - s * aside, s * ahead + c * aside
                 targets.append({"north_m": north, "east_m": east})
-        return Pose(targets=tuple(targets), heading_deg=self.heading_deg, **self.common())
-
-    def flown_as(self) -> tuple[Pose, ...]:
-        """Poses at the ends of the legs, in order."""
-        return self.corners().flown_as()
-
-    def expected(self, vehicle: Vehicle, depth: float, label: str) -> tuple[float, float]:
-        """Time [s] and depth [m] of the poses."""
-        return self.corners().begun_at((0.0, 0.0)).expected(vehicle, depth, label)
+        return self.through(targets, self.heading_deg)
 
 
 @dataclass(frozen=True, kw_only=True)
