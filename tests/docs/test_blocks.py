@@ -80,7 +80,7 @@ RUN = {
         "tests/factory/exporting/test_exporters.py": 1,
     },
     "docs/reference/import.md": {HERE: 1},
-    "docs/reference/missions.md": {"tests/twin/mission/test_mission.py": 5},
+    "docs/reference/missions.md": {"tests/twin/mission/test_mission.py": 6},
     "docs/reference/networks.md": {"tests/learn/test_registries.py": 1},
     "docs/reference/sensors.md": {"tests/test_registry.py": 3},
     "docs/howto/watch.md": {"plugins/ops/tests/watching/test_sources.py": 1},
