@@ -7,6 +7,7 @@ every `surface_every` other segments.
 Transect: a straight level leg on a heading.
 Circle: level turns of one radius.
 Lawn-mower: parallel level legs that cover an area.
+Sticks: an ROV flown by hand, with depth hold and heading hold.
 """
 
 from __future__ import annotations
@@ -83,6 +84,10 @@ class _Profile(MissionKind):
     uses: ClassVar[tuple[str, ...]] = (
         *DEPTHS, *DRIVEN, "yos", "segment_duration_s", "min_altitude_m",
     )  # fmt: skip
+
+    def fits(self, vehicle: Vehicle) -> bool:
+        """Return whether the vehicle dives and climbs by pitch, not by thrusters."""
+        return not vehicle.holds_pose
 
     def shortest_time(self, drawn: Drawn, vehicle: Vehicle) -> float:
         """[s] Time limit, or a lower bound for dives and climbs at their steady speeds."""
@@ -244,10 +249,30 @@ class _LawnMower(_Level):
         return missions.LawnMower(heading_deg=heading, **legs, **self.fields(drawn)), heading
 
 
+class _Sticks(MissionKind):
+    """Forces and a turn that a person holds for a while."""
+
+    name = "sticks"
+    uses = ("surge", "sway", "heave", "yaw_deg_s", "segment_duration_s")
+
+    def fits(self, vehicle: Vehicle) -> bool:
+        """Return whether thrusters hold the vehicle's pose."""
+        return vehicle.holds_pose
+
+    def shortest_time(self, drawn: Drawn, vehicle: Vehicle) -> float:
+        return _value(drawn, "segment_duration_s")
+
+    def segment(self, drawn: Drawn, heading_deg: float, vehicle: Vehicle) -> tuple[Segment, float]:
+        sticks = {name: _value(drawn, name) for name in self.uses[:4]}
+        return missions.Sticks(
+            duration_s=_value(drawn, "segment_duration_s"), **sticks
+        ), heading_deg
+
+
 SURFACE = _Surface()
 MISSION_KINDS: Mapping[str, MissionKind] = {
     kind.name: kind
-    for kind in (_SawTooth(), _Spiral(), SURFACE, _Transect(), _Circle(), _LawnMower())
+    for kind in (_SawTooth(), _Spiral(), SURFACE, _Transect(), _Circle(), _LawnMower(), _Sticks())
 }
 """Types of segments by name, in a fixed order, because stores keep a type's position"""
 

@@ -9,6 +9,7 @@ the parameter's name, unit, its distributions in presets `paper` and `field`, an
   unturned   vehicles without a part that turns them; replaces the common row of that name
   propelled  vehicles with a propeller, which survey above a sea floor; replaces or adds a row
   level      propelled vehicles that also keep level; adds a row
+  posed      ROVs, which thrusters hold in any pose; replaces or adds a row
 
 Preset paper never samples a pitch of 30 deg, nor rotations of 40 and -30 deg, because the mission
 of preset paper-test has these. `--set NAME=DISTRIBUTION` and TOML files replace distributions by
@@ -23,7 +24,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from factory.sampling.distribution import Distribution, Parameter, parse_distribution
-from factory.sampling.mission_kinds import keeps_level, kinds_for, propelled
+from factory.sampling.mission_kinds import DEPTHS, keeps_level, kinds_for, propelled
 from twin.errors import InputError, VehicleError, nearest, unknown_name
 from twin.vehicle.changes import Uncertainty, coefficient
 from twin.vehicle.vehicle import SPREAD, Vehicle
@@ -84,6 +85,10 @@ def parameter_table(vehicle: Vehicle) -> dict[str, Parameter]:
     rows, moving = dict(ROWS[""]), _motion_rows(vehicle)
     if vehicle.steered("heading") is None:
         rows |= ROWS["unturned"]
+    if vehicle.holds_pose:
+        for name in (*DEPTHS, "yos"):
+            rows.pop(f"mission.{name}")
+        rows |= ROWS["posed"]
     if propelled(vehicle):
         rows |= ROWS["propelled"]
         del rows[BOTTOM]

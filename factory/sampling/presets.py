@@ -59,16 +59,22 @@ FAMILY: Mapping[str, str] = {
 """Changes of preset `family`: vehicles that differ widely from their file"""
 
 
+ROV: Mapping[str, str] = {"current.speed": "uniform(0, 0.8)"}
+"""Changes of preset `rov`: currents up to the vehicle's own speed"""
+
+
 PRESETS: Mapping[str, Preset] = {
     "paper": Preset("paper", "ideal", "survey"),
     "field": Preset("field", "field", "survey-field"),
     "family": Preset("field", "field", "survey-field", changes=FAMILY),
+    "rov": Preset("field", "survey-field", "survey-field", changes=ROV),
     "paper-test": Preset("paper", "ideal", "survey", fixed_missions=True),
 }
 """`paper`: a glider with ideal sensors in one constant current per mission; a propelled vehicle
 in still water with the instruments of the paper's tables. `field` adds the paper's list of further
 work: sensor errors, GPS fixes, currents that vary with depth, and vehicles that differ from their
-file. `family`: as field, with fouled or clean vehicles far from their file, in longer missions.
+file. `rov`: as field, with the instruments of a survey and currents up to an ROV's speed. `family`:
+as field, with fouled or clean vehicles far from their file, in longer missions.
 `paper-test`: the paper's test trajectory in three currents."""
 
 

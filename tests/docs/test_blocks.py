@@ -77,7 +77,7 @@ RUN = {
         "tests/factory/test_windows.py": 2,
     },
     "docs/reference/import.md": {HERE: 1},
-    "docs/reference/missions.md": {"tests/twin/mission/test_mission.py": 5},
+    "docs/reference/missions.md": {"tests/twin/mission/test_mission.py": 6},
     "docs/reference/sensors.md": {"tests/test_registry.py": 2},
     "docs/howto/watch.md": {"plugins/ops/tests/watching/test_sources.py": 1},
 }

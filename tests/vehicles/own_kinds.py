@@ -30,10 +30,10 @@ def fossen_push(values, place, position, u, v, w, p, q, r, density, depth):
 
 @register_part
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class Thruster(Part):
+class Waterjet(Part):
     """A force along the hull."""
 
-    kind: ClassVar[str] = "thruster"
+    kind: ClassVar[str] = "waterjet"
     unit: ClassVar[str] = "N"
     quantity: ClassVar[Quantity] = Quantity(
         unit="N", scale=1.0, long_name="thrust", limits=(-1e3, 1e3)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from twin.mission.segments import SawTooth as SawTooth
     from twin.mission.segments import Segment as Segment
     from twin.mission.segments import Spiral as Spiral
+    from twin.mission.segments import Sticks as Sticks
     from twin.mission.segments import Surface as Surface
     from twin.mission.segments import Transect as Transect
     from twin.mission.segments import Waypoint as Waypoint

@@ -24,6 +24,7 @@ from twin.compiled import borrowing, jit
 from twin.mission import mission_file as g
 from twin.mission.phases import advance
 from twin.mission.reckoning import altitude_read, compass, heading_read, pid, reckon, wrapped
+from twin.mission.stationing import hold_pose
 from twin.numbers import Array
 
 INTEGRAL_ZONE = math.radians(2.0)
@@ -206,6 +207,14 @@ def _steer(
     state[g.LAST_DEPTH] = depth
     pitch_rate = q * math.cos(roll) - r * math.sin(roll)
 
+    if phase == g.POSING or (phase == g.SURFACING and gains[g.THRUSTERS] > 0.0):
+        state[g.PITCH_SETPOINT] = 0.0
+        _copy_command(row, g.REST_COMMAND, command)
+        hold_pose(
+            row, gains, state, _wanted_depth(row, depth, altitude), depth, roll, pitch, heading,
+            p, q, r, depth_rate, command,
+        )  # fmt: skip
+        return
     if phase in (g.HOLDING, g.AT_SURFACE):
         # no pitch loop at the surface either: without speed, nothing damps a closed loop
         state[g.PITCH_SETPOINT] = np.nan

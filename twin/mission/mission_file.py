@@ -16,7 +16,7 @@ from typing import Any, NoReturn
 
 from twin.errors import MissionError, shown, unknown_name
 from twin.numbers import number as as_number
-from twin.vehicle.assembly import MOST_FOLLOWERS
+from twin.vehicle.assembly import MOST_FOLLOWERS, MOST_THRUSTERS
 
 # --- table: one row per segment; the last row is the end of the mission -----------------------
 KIND = 0  # one of the types below
@@ -49,14 +49,16 @@ STEERS_ALWAYS = 33  # 1: updates the course at every tick, 0: at surfacings
 SEES_TRUTH = 34  # 1: the true position is known under water, 0: dead-reckoned
 USES_CURRENT = 35  # 0: dead reckoning and course ignore the estimated current
 FIRST_CURRENT_NORTH, FIRST_CURRENT_EAST = 36, 37  # [m/s] used before the first estimate
-SEGMENT_COLUMNS = 38
+# shares of the largest force that a person gives, -1 to 1: ahead, to starboard, down
+STICK_SURGE, STICK_SWAY, STICK_HEAVE = 38, 39, 40
+SEGMENT_COLUMNS = 41
 # Three commands follow, each with a position for every part: for a dive or level leg, for a
 # climb, and for a hold, a hover or the surface. A loop starts from its part's position there.
 DIVE_COMMAND, CLIMB_COMMAND, REST_COMMAND = 0, 1, 2
 LEVEL_COMMAND, LEVEL_TURN = DIVE_COMMAND, DIVE_TURN
 
 SAW_TOOTH, SPIRAL, SURFACE, HOLD, LEVEL, HOVER = 1.0, 2.0, 3.0, 4.0, 7.0, 8.0
-WAYPOINT = 9.0
+WAYPOINT, POSE, STICKS = 9.0, 10.0, 11.0
 END_AT_SURFACE, END_HOLDING = 5.0, 6.0  # types of the last row
 
 # --- gains ------------------------------------------------------------------------------------
@@ -81,7 +83,13 @@ IRON_COSINE = IRON_SINE + 1
 TURNS_BY_ROLL = IRON_COSINE + 1  # 1: a battery hinge controls heading, by rolling
 DEPTH_OFFSET = TURNS_BY_ROLL + 1  # [m] depth by the pressure gauge minus true depth
 ECHOES_LOST = DEPTH_OFFSET + 1  # fraction of the altimeter's returns that are lost
-GAINS = ECHOES_LOST + 1
+# P, I, D of horizontal force, vertical force, yaw and level: `Vehicle.station_pid`
+STATION_KP = ECHOES_LOST + 1
+AUTHORITY = STATION_KP + 12  # [N], [N m] largest force along and moment about each body axis
+THRUSTERS = AUTHORITY + 6  # number of thrusters that hold a pose
+# each: part, six weights, thrust ahead and astern [N], dead band, curvature
+THRUSTER, THRUSTER_COLUMNS = THRUSTERS + 1, 11
+GAINS = THRUSTER + THRUSTER_COLUMNS * MOST_THRUSTERS
 
 # --- state: all zeros before the first step ---------------------------------------------------
 SEGMENT = 0  # index of the row being flown
@@ -113,10 +121,14 @@ YOS_UNDER = 33  # yos since the last surfacing, in halves
 ARRIVED = 34  # 1 once the waypoint being flown to has been reached
 ECHOES_DUE = 35  # accumulates received fractions; at 1 a return is received
 ECHO, ECHO_TIME = 36, 37  # [m] altitude of the last return, and its time [s]
-GUIDANCE_STATE = 38
+REFERENCE_NORTH, REFERENCE_EAST, REFERENCE_DEPTH = 38, 39, 40  # [m] that a pose is held at
+LAST_NORTH, LAST_EAST = 41, 42  # [m] position at the last tick
+NORTH_INTEGRAL, EAST_INTEGRAL, DOWN_INTEGRAL = 43, 44, 45  # [m s]
+ROLL_INTEGRAL, TILT_INTEGRAL, YAW_INTEGRAL = 46, 47, 48  # [rad s], in a held pose
+GUIDANCE_STATE = 49
 
 NOT_STARTED, DIVE, CLIMB, SURFACING, AT_SURFACE, HOLDING = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
-ON_LEVEL, HOVERING = 6.0, 7.0
+ON_LEVEL, HOVERING, POSING = 6.0, 7.0, 8.0
 
 
 MAX_PITCH_DEG = 60.0

@@ -9,6 +9,7 @@ import numpy as np
 from twin.compiled import borrowing
 from twin.mission import mission_file as g
 from twin.mission.reckoning import course, distance_left
+from twin.mission.stationing import begin_station, reference_there
 
 TIME_TOLERANCE = 1e-6
 """[s] Tolerance of time limits, because tick times are sums of rounded periods."""
@@ -41,6 +42,10 @@ def _enter(table, state, index, t, depth, altitude, heading):
         state[g.PHASE] = g.HOVERING
         state[g.HEADING_SETPOINT] = np.nan
         state[g.BUOYANCY_INTEGRAL] = state[g.TRIM_INTEGRAL] = 0.0
+    elif kind in (g.POSE, g.STICKS):
+        state[g.PHASE], state[g.ARRIVED] = g.POSING, 0.0
+        if previous != g.POSING:
+            begin_station(table[index], state, depth)
     elif kind == g.LEVEL:
         state[g.PHASE] = g.ON_LEVEL
         state[g.DEPTH_INTEGRAL] = 0.0
@@ -61,6 +66,8 @@ def _enter(table, state, index, t, depth, altitude, heading):
             state[g.HEADING_SETPOINT] = course(table[index], state)
     else:
         state[g.PHASE] = g.SURFACING
+        if previous != g.POSING:
+            begin_station(table[index], state, depth)
 
 
 @borrowing
@@ -94,6 +101,17 @@ def _waypoint_phase(row, state, t, following):
         state[g.HEADING_SETPOINT] = course(row, state)
         return g.DIVE
     return following
+
+
+@borrowing
+def _stayed(row, state, t):
+    """Tell whether a pose's stay at its target is over; the vehicle passes a target without one."""
+    if state[g.ARRIVED] == 0.0 and reference_there(row, state):
+        if not row[g.STAY] > 0.0:
+            return True
+        if distance_left(row, state) <= row[g.ARRIVAL_RADIUS]:
+            state[g.ARRIVED], state[g.ARRIVAL] = 1.0, t
+    return bool(state[g.ARRIVED] != 0.0 and t - state[g.ARRIVAL] >= row[g.STAY] - TIME_TOLERANCE)
 
 
 @borrowing
@@ -134,6 +152,8 @@ def advance(table, state, t, depth, altitude, heading, afloat):
         there = state[g.ARRIVED] != 0.0 and following != g.SURFACING
         # surface for a fix first, then go on to the next target
         there = there and following != g.AT_SURFACE
+    elif table[index, g.KIND] == g.POSE:
+        there = _stayed(table[index], state, t)
 
     if index < end and state[g.DONE] == 0.0:
         duration = table[index, g.DURATION]

@@ -16,6 +16,7 @@ from twin.errors import MissionError, unknown_name
 from twin.mission import mission_file as check
 from twin.mission import mission_file as g
 from twin.mission.segments import SEGMENTS, Profile, Segment, Surface
+from twin.mission.stationing import thruster_gains
 from twin.numbers import Array
 from twin.vehicle.parts import BatteryHinge, BatterySlide
 from twin.vehicle.vehicle import Vehicle
@@ -309,6 +310,7 @@ def _gains(vehicle: Vehicle) -> Array:
             *(names.index(lead.name), names.index(part.name), follower.weight),
             *(lead.rest, part.low, part.high),
         )
+    thruster_gains(vehicle, gains)
     gains[g.PITCHES_AT_REST] = float(isinstance(vehicle.steered("pitch"), BatterySlide))
     gains[g.TURNS_BY_ROLL] = float(isinstance(vehicle.steered("heading"), BatteryHinge))
     return gains

@@ -100,7 +100,7 @@ MOST_CRAB = math.sin(math.radians(70.0))
 @borrowing
 def speed_through_water(row, phase, depth_rate, pitch):
     """Horizontal speed [m/s] from vertical velocity [m/s] and pitch [rad], or the propeller's."""
-    if phase == g.AT_SURFACE or phase == g.HOVERING:
+    if phase == g.AT_SURFACE or phase == g.HOVERING or phase == g.POSING:
         return 0.0
     if phase == g.DIVE or phase == g.ON_LEVEL:
         steady, attack = row[g.DIVE_SPEED], row[g.DIVE_ATTACK]

@@ -180,7 +180,7 @@ class VehicleLine:
         pump, propeller = vehicle.steered("buoyancy"), vehicle.steered("speed")
         pitch, net_mass = vehicle.usual_glide
         dive = climb = None
-        if propeller is None:
+        if propeller is None and not vehicle.holds_pose:
             dive, climb = (steady_glide(vehicle, -s * pitch, s * net_mass) for s in (1.0, -1.0))
         return cls(
             name=vehicle.name,

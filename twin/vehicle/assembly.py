@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from twin.errors import VehicleError, unknown_name
 from twin.vehicle.mjcf import MjcfReader
-from twin.vehicle.parts import PARTS, BatteryHinge, BatterySlide, Part, Pump
+from twin.vehicle.parts import PARTS, BatteryHinge, BatterySlide, Part, Pump, Thruster
 
 Array = NDArray[np.float64]
 
@@ -222,6 +222,8 @@ SHARED = {"pitch": (4, 3, 5), "heading": (5, 3, 4), "speed": (0, 4, 5)}
 """Row of the wrench (X to N) that each shared control needs, and the rows that must stay 0."""
 MOST_FOLLOWERS = 24
 """Largest number of followers in a vehicle; guidance has a table of this length."""
+MOST_THRUSTERS = 12
+"""Largest number of thrusters that hold a pose; guidance has a table of this length."""
 NEGLIGIBLE = 1e-6
 """Smallest weight of a follower; a part with a smaller one does not follow."""
 
@@ -277,6 +279,30 @@ def _weights(control: str, team: Sequence[Part]) -> Array:
     if abs(ways[0]) <= NEGLIGIBLE * np.abs(ways).max():
         return np.asarray(np.eye(len(team))[0])
     return np.asarray(ways / ways[0])
+
+
+def thrust_weights(parts: Sequence[Part]) -> Array | None:
+    """Thrust of each part [N] per wanted X, Y, Z [N], K, M, N [N m] about the CB, (parts, 6).
+
+    The least sum of squared thrusts (Fossen 2011, section 12.3.1). Roll and pitch, which the hull
+    rights by itself, are left out if the thrusters do not span them. None: the thrusters do not
+    push and turn the hull in all other axes, or there are none.
+
+    Raises:
+      VehicleError: there are more than MOST_THRUSTERS.
+    """
+    indices = [k for k, part in enumerate(parts) if isinstance(part, Thruster)]
+    if len(indices) > MOST_THRUSTERS:
+        raise VehicleError(f"{len(indices)} thrusters; at most {MOST_THRUSTERS} hold a pose")
+    axes = np.array([part.axis for part in parts if isinstance(part, Thruster)]).reshape(-1, 3)
+    places = np.array([parts[k].position for k in indices]).reshape(-1, 3)
+    matrix = np.hstack([axes, np.cross(places, axes)]).T
+    for rows in ([0, 1, 2, 3, 4, 5], [0, 1, 2, 3, 5], [0, 1, 2, 4, 5], [0, 1, 2, 5]):
+        if np.linalg.matrix_rank(matrix[rows], tol=1e-3) == len(rows):
+            weights = np.zeros((len(parts), 6))
+            weights[np.ix_(indices, rows)] = np.linalg.pinv(matrix[rows])
+            return weights
+    return None
 
 
 def idle_parts(

@@ -29,12 +29,13 @@ from twin.vehicle.assembly import (
     read_masses,
     read_parts,
     read_steering,
+    thrust_weights,
 )
 from twin.vehicle.changes import changed, differences, renamed
 from twin.vehicle.laws import LAWS, FlowFrame, HullLaw
 from twin.vehicle.laws.flow_frame import is_flow_frame
 from twin.vehicle.mjcf import USER, MjcfReader
-from twin.vehicle.parts import Part, Pump
+from twin.vehicle.parts import Part, Pump, Thruster
 from twin.vehicle.parts.base import Losses
 from twin.vehicle.parts.pump import CUBIC_CM
 from twin.vehicle.presets import (
@@ -116,6 +117,9 @@ class Vehicle:
     """Gains P, I [1/s], D [s]: depth error on level legs [m] to nose-down pitch [rad], or None."""
     buoyancy_pid: tuple[float, float, float] | None = None
     """Gains P, I [1/s], D [s]: depth error in a hover [m] to decrease of pump volume [cm3]."""
+    station_pid: tuple[float, ...] | None = None
+    """Gains P, I, D of horizontal force [N/m ...], vertical force, yaw moment [N m/rad ...] and of
+    the moments that hold roll and pitch level, with which thrusters hold a pose; 12 numbers."""
     control_period: float
     """[s] Time between two control ticks of guidance."""
     cruise_speed: float = 0.0
@@ -293,6 +297,16 @@ class Vehicle:
         name = self.steering.get(control)
         return None if name is None else self.part_names.index(name)
 
+    @functools.cached_property
+    def thrust_weights(self) -> Array | None:
+        """Thrusts that give a wanted wrench, see `twin.vehicle.assembly.thrust_weights`."""
+        return thrust_weights(self.parts)
+
+    @property
+    def holds_pose(self) -> bool:
+        """True if thrusters push and turn the hull any way, and the file has gains for it."""
+        return self.station_pid is not None and self.thrust_weights is not None
+
     def allocated(self, position: Array, leads: Collection[str] | None = None) -> Array:
         """Add the followers' displacements to the parts' positions `position`, shape (parts,).
 
@@ -444,13 +458,20 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
     gravity = reader.vector(reader.one("option"), "gravity", 3, default="0 0 -9.81")
     steering = read_steering(reader, parts)
     assigned = named_controls(reader)
+    driven = "speed" in steering or any(isinstance(part, Thruster) for part in parts)
     following = followers(parts, steering, assigned)
+    given = reader.numerics
     fields: dict[str, Any] = {
         f"{axis}_pid": numeric(f"{axis}_pid", 3)
         for axis in ("pitch", "heading", "trim")
-        if axis in steering
+        if axis in steering and (f"{axis}_pid" in given or "station_pid" not in given)
     }
-    for name, size in (("depth_pid", 3), ("buoyancy_pid", 3), ("usual_glide", 2)):
+    for name, size in (
+        ("depth_pid", 3),
+        ("buoyancy_pid", 3),
+        ("usual_glide", 2),
+        ("station_pid", 12),
+    ):
         if name in reader.numerics:
             fields[name] = numeric(name, size)
     if "rated_depth" in reader.numerics:
@@ -477,7 +498,7 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         added_mass_coupling=number("added_mass_coupling", default=1.0) != 0.0,
         imu_position=reader.place("imu"),
         gps_position=reader.place("gps"),
-        cruise_speed=number("cruise_speed") if "speed" in steering else 0.0,
+        cruise_speed=number("cruise_speed") if driven else 0.0,
         steering=steering,
         followers=following,
         idle=idle_parts(parts, steering, following, assigned),
@@ -504,7 +525,7 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
 def _refuse_unknown(reader: MjcfReader) -> None:
     """Raise VehicleError for misspelt names; names of other hull laws' numbers are allowed."""
     others = [name for law in LAWS.values() for name in law.names()]
-    loops = ("pitch_pid", "heading_pid", "trim_pid", "depth_pid", "buoyancy_pid")
+    loops = ("pitch_pid", "heading_pid", "trim_pid", "depth_pid", "buoyancy_pid", "station_pid")
     known = ("added_mass", "cruise_speed", "rated_depth", "usual_glide", PRESETS)
     losses = [field.name for field in dataclasses.fields(Losses)]
     right = (*known, *loops, *IDENTIFIED, *losses, *others)

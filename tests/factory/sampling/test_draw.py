@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from stores import drawn
 
-from factory.sampling.conditions import build_current, build_density
+from factory.sampling.conditions import build_current, build_density, spread_vehicle
 from factory.sampling.distribution import Choice, Fixed, LogUniform, Uniform, number
-from factory.sampling.draw import SURFACE, TEST
+from factory.sampling.draw import SURFACE, TEST, draw_parameters
+from factory.sampling.fly import build_mission
 from factory.sampling.parameters import declared, override, parameter_table
 from factory.sampling.presets import (
     CURRENTS,
@@ -119,6 +120,27 @@ def test_family_draws_hulls_far_from_their_file_and_else_what_field_draws():
     assert 1.55 < max(drags) <= 1.6
     propelled = parameter_table(load_vehicle("remus"))  # its law has no such coefficients
     assert PRESETS["family"].distributions(propelled).keys() == propelled.keys()
+
+
+def test_an_rov_is_flown_by_hand_with_damping_between_its_two_sources():
+    rov, wu = load_vehicle("bluerov2"), load_vehicle("bluerov2:wu")
+    table = parameter_table(rov)
+    assert not [name for name in table if name.endswith(("pitch_deg", "max_depth_m", "yos"))]
+    recipe = make_recipe(vehicle="bluerov2", preset="rov", hours=1.0, seed=2)
+    assert recipe.sensor_preset == "survey-field"
+    assert max(recipe.plan.durations_s) <= 600.0
+    options = {"duration_s": 300.0, "vehicle": rov, "seed": 2, "attempt": 0}
+    least, most = (dict(v.law.derivatives) for v in (wu, rov))
+    for mission in range(50):
+        drawn_here = draw_parameters(table, recipe.distributions, mission=mission, **options)
+        assert {s["mission.kind"] for s in drawn_here.segments} == {"sticks"}
+        law = dict(spread_vehicle(rov, drawn_here).law.derivatives)
+        for name in ("Xu", "Xuu", "Yvv", "Zw", "Zww", "Kpp", "Mqq"):
+            low, high = sorted((abs(least[name]), abs(most[name])))
+            assert 0.995 * low <= abs(law[name]) <= 1.005 * high, name
+        plan = build_mission(drawn_here, rov)
+        plan.check(rov)
+        assert 5.0 <= plan.start_depth_m <= 40.0
 
 
 def test_training_never_commands_the_settings_of_the_paper_test():

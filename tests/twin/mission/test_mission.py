@@ -270,8 +270,9 @@ def test_missing_file_and_unknown_name(tmp_path):
 @pytest.mark.parametrize("name", mission_names())
 def test_shipped_missions_can_be_flown(vehicle, name):
     mission = load_mission(name)
-    driven = name in (PROPELLED, "transects")
-    mission.check(load_vehicle(TORPEDO) if driven else vehicle)
+    other = dict.fromkeys((PROPELLED, "transects"), TORPEDO)
+    other |= dict.fromkeys(("square", "inspection"), "bluerov2")
+    mission.check(load_vehicle(other[name]) if name in other else vehicle)
     assert mission.name == name
     assert mission.max_depth_m is not None
 
@@ -341,12 +342,12 @@ def blocks(language):
 
 
 def test_toml_example_can_be_flown(tmp_path):
-    texts, kinds = blocks("toml"), [["saw-tooth", "spiral", "surface"], ["waypoint"]]
-    for text, expected in zip(texts, kinds, strict=True):
+    kinds = [["saw-tooth", "spiral", "surface"], ["waypoint"], ["pose", "orbit"]]
+    for text, expected in zip(blocks("toml"), kinds, strict=True):
         path = tmp_path / "example.toml"
         path.write_text(text, encoding="utf-8")
         mission = Mission.from_toml(path)
-        mission.check(load_vehicle("glider"))
+        mission.check(load_vehicle("bluerov2" if "pose" in expected else "glider"))
         assert [segment.kind for segment in mission.segments] == expected
 
 

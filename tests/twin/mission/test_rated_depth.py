@@ -58,12 +58,14 @@ def test_no_vehicle_is_sent_by_default_below_what_it_is_built_for(name):
     vehicle = load_vehicle(name)
     usual = load_mission_for(vehicle)
     assert 0.0 < usual.deepest <= (vehicle.rated_depth or 1500.0)
-    shallow = vehicle.replace(rated_depth=12.0)
-    says = WORDS.format(f"{usual.deepest:g}", name, 12, 14.4)
-    with pytest.warns(UserWarning, match=f"{usual.name!r} is flown to 12 m: {says}"):
+    rated = min(12.0, 0.5 * usual.deepest)
+    shallow = vehicle.replace(rated_depth=rated)
+    says = WORDS.format(f"{usual.deepest:g}", name, f"{rated:g}", f"{1.2 * rated:g}")
+    with pytest.warns(UserWarning, match=f"{usual.name!r} is flown to {rated:g} m: {says}"):
         own = load_mission_for(shallow)
-    assert own.deepest == 12.0
-    kept = [dataclasses.replace(s, max_depth_m=9.0) if hasattr(s, "max_depth_m") else s
+    assert own.deepest == rated
+    fields = ("max_depth_m", "depth_m")
+    kept = [dataclasses.replace(s, **{f: 9.0 for f in fields if hasattr(s, f)})
             for m in (own, usual) for s in m.segments]  # fmt: skip
     assert kept[: len(own.segments)] == kept[len(own.segments) :]
     with pytest.raises(MissionError, match=says):

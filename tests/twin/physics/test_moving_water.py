@@ -401,10 +401,11 @@ def test_an_ellipsoid_in_a_gradient_disturbs_the_water_as_one_that_turns_against
 
 @pytest.mark.parametrize("name", vehicle_names())
 def test_shipped_hulls_are_slender_enough_for_that_rotation(name):
-    """A shear of the current over depth, on a level hull: `rogue` is the fat one."""
+    """A shear of the current over depth, on a level hull: `rogue` and the ROV are the fat ones."""
     vehicle = load_vehicle(name)
     half = 0.5 * np.array([vehicle.hull_length, vehicle.hull_diameter, 0.0])
     g = np.zeros((3, 3))
     g[1, 0] = 1.0
     exact = water_turning(g, half)[2]
-    assert exact == pytest.approx(1.0, rel=0.75 if name == "rogue" else 0.06)
+    fat = name.partition(":")[0] in ("rogue", "bluerov2")
+    assert exact == pytest.approx(1.0, rel=0.75 if fat else 0.06)

@@ -70,12 +70,12 @@ print(json.dumps({
 
 
 def own_vehicle() -> str:
-    """The vehicle of geometry alone with a thruster and linear drag in place of its own."""
+    """The vehicle of geometry alone with a waterjet and linear drag in place of its own."""
     masses = [10.0, 10.0, 10.0, 0.1, 4.0, 4.0]
     rows = (str(masses[i] if i == j else 0.0) for i in range(6) for j in range(6))
     text = GEOMETRY_ONLY.replace('data="ellipsoid"/>', 'data="linear-drag"/>', 1)
     parts = (
-        '<text name="jet.kind" data="thruster"/> <numeric name="linear_drag" data="4 60 8"/>'
+        '<text name="jet.kind" data="waterjet"/> <numeric name="linear_drag" data="4 60 8"/>'
         f'<numeric name="added_mass" data="{" ".join(rows)}"/>'
     )
     text = re.sub(
@@ -95,10 +95,10 @@ def test_they_fly_in_both_models(tmp_path):
     done = python("-c", FLY, str(path), GLIDER_TWIN_PLUGINS=str(KINDS))
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
-    assert found["kinds"] == ["linear-drag", "thruster"]
+    assert found["kinds"] == ["linear-drag", "waterjet"]
     assert found["segments"][0]["kind"] == "push"
     assert found["jet"] == pytest.approx(6.0, abs=1e-6)
-    # (m + X_A) du/dt = F - d u, with the thruster's lag of 0.5 s
+    # (m + X_A) du/dt = F - d u, with the waterjet's lag of 0.5 s
     assert found["surge"] == pytest.approx(
         6.0 / 4.0 * (1.0 - 2.718281828 ** (-59.5 / 10.0)), rel=0.01
     )
@@ -126,7 +126,7 @@ def test_without_the_file_the_kind_is_named(tmp_path):
     path.write_text(own_vehicle(), encoding="utf-8")
     done = python("-m", "twin", "trim", "--vehicle", str(path), GLIDER_TWIN_PLUGINS="")
     assert done.returncode == 2
-    assert "unknown vehicle part 'thruster' (allowed: battery-hinge" in done.stderr
+    assert "unknown vehicle part 'waterjet' (allowed: battery-hinge" in done.stderr
     assert len(done.stderr.splitlines()) == 1
 
 
@@ -171,6 +171,6 @@ def test_a_kind_that_spoils_vector_code_is_named(tmp_path, how):
         assert done.returncode == 0, done.stderr
         first, second, *noted = done.stdout.splitlines()
         assert second == "[]"
-        assert ("fossen_wrench of part kind 'thruster'" in first) == (how != "nothing"), first
+        assert ("fossen_wrench of part kind 'waterjet'" in first) == (how != "nothing"), first
         assert "hull law" not in first
         assert noted == ["1"] * bool(again)

@@ -28,6 +28,7 @@ from twin.vehicle.laws import LAWS, BodyAxes
 from twin.vehicle.parts import PARTS, DropWeight, Move, Part, Propeller, Quantity
 from twin.vehicle.vehicle import load_vehicle, parse_vehicle
 
+ROV = load_vehicle("bluerov2")
 GLIDER = load_vehicle("glider")
 TORPEDO = load_vehicle(Path(__file__).parents[2] / "vehicles" / "torpedo.xml")
 WEIGHT, PLACE = 0.6, (0.2, 0.03, 0.1)
@@ -65,6 +66,8 @@ SHIPPED = {
         dataclasses.replace(TORPEDO.part("rudder"), induced_drag=0.06),
     ],
     "drop-weight": [CARRIER.part("weight")],
+    "thruster": [ROV.part(f"thruster_{k}") for k in (1, 4, 6)],
+    "tether": [ROV.part("tether")],
 }
 LAW_OF = {
     "flow-frame": GLIDER.law,

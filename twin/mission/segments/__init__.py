@@ -11,6 +11,10 @@ if TYPE_CHECKING:
     from twin.mission.segments.level import Circle as Circle
     from twin.mission.segments.level import LawnMower as LawnMower
     from twin.mission.segments.level import Transect as Transect
+    from twin.mission.segments.pose import Mow as Mow
+    from twin.mission.segments.pose import Orbit as Orbit
+    from twin.mission.segments.pose import Pose as Pose
+    from twin.mission.segments.pose import Sticks as Sticks
     from twin.mission.segments.profile import Profile as Profile
     from twin.mission.segments.profile import SawTooth as SawTooth
     from twin.mission.segments.profile import Spiral as Spiral

@@ -11,6 +11,8 @@ from twin.mission import mission_file as check
 from twin.mission import mission_file as g
 from twin.mission.segments.base import Segment, blank_row, command_of, limit, write_way
 from twin.mission.segments.level import check_place
+from twin.mission.segments.pose import pose_row
+from twin.mission.stationing import DEPTH_RATE
 from twin.mission.turning import turn_factor
 from twin.mission.way import (
     TIME_MARGIN,
@@ -92,7 +94,10 @@ class Hold(Segment):
 
 @dataclass(frozen=True, kw_only=True)
 class Hover(Segment):
-    """Drift with the water at a depth or at a height above the sea floor, held by the pump."""
+    """Drift with the water at a depth or at a height above the sea floor, held by the pump.
+
+    A vehicle with thrusters holds its place and heading as well.
+    """
 
     kind = "hover"
     limits = ("duration_s",)
@@ -119,6 +124,11 @@ class Hover(Segment):
           MissionError: the vehicle has no pump, its file has no gains for the pump, or its battery
             cannot hold the pitch.
         """
+        if vehicle.holds_pose and not self.pitch_deg:
+            row = pose_row(vehicle, label)
+            row[g.DEPTH], row[g.ALTITUDE] = limit(self.depth_m), limit(self.altitude_m)
+            row[g.MIN_DEPTH], row[g.DURATION] = 0.0, limit(self.duration_s)
+            return row
         reject_missing(vehicle, label, self)
         if vehicle.steered("buoyancy") is None or vehicle.buoyancy_pid is None:
             lacks = "pump" if vehicle.steered("buoyancy") is None else "numeric 'buoyancy_pid'"
@@ -199,6 +209,11 @@ class Surface(Segment):
 
     def row(self, vehicle: Vehicle, label: str) -> Array:
         """Row of a climb with the heading loop, then rest with the tail up."""
+        if vehicle.holds_pose:
+            row = pose_row(vehicle, label, g.SURFACE)
+            row[g.DEPTH], row[g.HEADING] = 0.0, heading(self.heading_deg)
+            row[g.DURATION] = self.duration_s
+            return row
         row = blank_row(vehicle)
         climb = self._ascent(vehicle, label)
         row[g.KIND] = g.SURFACE
@@ -222,5 +237,7 @@ class Surface(Segment):
 
     def expected(self, vehicle: Vehicle, depth: float, label: str) -> tuple[float, float]:
         """Time [s] of the climb with a margin and of the wait; depth 0."""
+        if vehicle.holds_pose:
+            return TIME_MARGIN * depth / DEPTH_RATE + self.duration_s, 0.0
         climb = self._ascent(vehicle, label)
         return TIME_MARGIN * depth / -climb.vertical_speed + self.duration_s, 0.0

@@ -1,4 +1,4 @@
-"""Vehicle parts: pumps, batteries, fins, propellers and drop weights that a hull can carry."""
+"""Vehicle parts: pumps, batteries, fins, propellers, thrusters and others that a hull can carry."""
 
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from twin.vehicle.parts.propeller import Propeller as Propeller
     from twin.vehicle.parts.pump import DropWeight as DropWeight
     from twin.vehicle.parts.pump import Pump as Pump
+    from twin.vehicle.parts.thruster import Tether as Tether
+    from twin.vehicle.parts.thruster import Thruster as Thruster
 
 _PLACES = places(__name__)
 __all__ = [*_PLACES]
