@@ -201,7 +201,8 @@ def test_health_says_what_was_asked_and_what_could_not_be(page):
     assert "not told by this log: " in said.lower().replace("\n", " ")
     assert page.latest["health"]["kind"] == "none"
     assert "pump_rate" in page.latest["health"]["lacking"]
-    assert page.latest["levels"]["hotel"]["level"] == pytest.approx(AMPERES * VOLTS, rel=1e-3)
+    # the pump's work is no hotel load: it is taken off the power by the charge
+    assert 0.5 * AMPERES * VOLTS < page.latest["levels"]["hotel"]["level"] < AMPERES * VOLTS
 
 
 def test_energy_and_the_last_day_to_turn_home(page):
