@@ -24,52 +24,53 @@ SLACK = 150
 """Lines that a room may have less than its row says before the row is lowered"""
 
 ROOMS = {
-    "benchmarks": (13497, 102514),
+    "benchmarks": (13680, 103887),
     "factory": (1550, 11678),
     "factory/commands": (995, 5923),
-    "factory/exporting": (2137, 12231),
+    "factory/exporting": (2136, 12231),
     "factory/generation": (1831, 10527),
-    "factory/importing": (14034, 102203),
+    "factory/importing": (14031, 102203),
     "factory/samples": (774, 5625),
-    "factory/sampling": (2526, 14532),
-    "learn": (1806, 9900),
-    "learn/commands": (531, 3018),
-    "learn/data": (1636, 9667),
-    "learn/evaluation": (1399, 8752),
-    "learn/networks": (2418, 14158),
-    "learn/report": (1696, 11084),
-    "learn/training": (2482, 15078),
-    "plugins": (19931, 139633),
-    "scripts": (2048, 13823),
-    "tests": (67025, 584939),
-    "twin": (2353, 12495),
+    "factory/sampling": (2572, 14742),
+    "learn": (1856, 10343),
+    "learn/commands": (664, 3811),
+    "learn/data": (1693, 9963),
+    "learn/evaluation": (1399, 8762),
+    "learn/networks": (2718, 16367),
+    "learn/report": (1707, 11128),
+    "learn/shipped": (130, 837),
+    "learn/training": (2734, 17017),
+    "plugins": (19978, 139856),
+    "scripts": (2449, 17260),
+    "tests": (67801, 593071),
+    "twin": (2359, 12519),
     "twin/checks": (1318, 8696),
     "twin/cli": (1328, 8059),
     "twin/commands": (2218, 12660),
     "twin/compiled": (1267, 7267),
-    "twin/control": (4126, 24587),
+    "twin/control": (4127, 24587),
     "twin/faults": (1215, 6647),
     "twin/fossen": (2501, 18700),
-    "twin/identify": (7896, 55637),
-    "twin/logs": (3038, 21672),
-    "twin/mission": (4500, 28891),
-    "twin/navigation": (6820, 40233),
+    "twin/identify": (7901, 55637),
+    "twin/logs": (3064, 21932),
+    "twin/mission": (5055, 33570),
+    "twin/navigation": (6823, 40262),
     "twin/physics": (5860, 40353),
-    "twin/records": (4983, 28899),
-    "twin/sensors": (3427, 22444),
-    "twin/show": (10227, 63488),
-    "twin/vehicle": (4770, 31834),
-    "twin/water": (4903, 33073),
+    "twin/records": (4982, 28899),
+    "twin/sensors": (3417, 22387),
+    "twin/show": (10221, 63451),
+    "twin/vehicle": (5059, 34266),
+    "twin/water": (4902, 33073),
 }
 """Of a room: most lines of all its text files, docstrings and blank lines included, and most Python
 tokens, so that longer lines win nothing"""
-MODULES = 537
+MODULES = 547
 LONGEST_FUNCTION, USUAL_FUNCTION = 187, 39
 """Lines of the longest function of the product, and of the 95th percentile"""
-OWN_IMPORTS = 6.37
+OWN_IMPORTS = 6.41
 """Distinct own modules that a file of the product imports, in the mean; where small modules were
 joined, a file imports more and all files together less"""
-RADIUS = {"factory generate": (85, 829), "learn fit": (175, 1926)}
+RADIUS = {"factory generate": (87, 841), "learn fit": (184, 1952)}
 """Files and functions of the product that a job runs"""
 VARIES = 1.03
 """What is compiled, and what a processor can, changes which functions run"""

@@ -21,15 +21,15 @@ MOST = 50_000
 SLACK = 300
 """Words that a row may have less than it says before it is lowered"""
 WORDS = {
-    "CHANGELOG.md": 952,
+    "CHANGELOG.md": 1004,
     "CONTRIBUTING.md": 667,
-    "README.md": 630,
+    "README.md": 645,
     "docs": 1079,
-    "docs/howto": 13966,
-    "docs/physics": 4539,
-    "docs/project": 2501,
-    "docs/reference": 9544,
-    "docs/results": 10343,
+    "docs/howto": 14408,
+    "docs/physics": 4798,
+    "docs/project": 2550,
+    "docs/reference": 10066,
+    "docs/results": 10452,
     "docs/tutorials": 3717,
     "examples": 196,
     "plugins": 359,
