@@ -146,6 +146,7 @@ def synthetic_mission(samples, seed):
         "estimated_surge": lagged(surge, 5.0, 0.0),
         "estimated_sway": lagged(sway, 5.0, 0.0),
         "estimated_attack": 0.05 * np.sign(dive) + 0.1 * pitch,
+        "estimated_steady": (np.abs(np.gradient(pitch)) < 1e-3).astype(float),
     }
     return signals
 

@@ -226,7 +226,8 @@ def verdicts(evaluation: Figures) -> list[str]:
             f"Navigate by {title_of(evaluation['best'])}: it has the least track error with true "
             "attitude."
         )
-    if before := evaluation.get("before"):
+    before = evaluation.get("before") or {}
+    if before.get("dr_velocity_percent_mean") is not None:
         sentences.append(
             "With true attitude, the networks that the training started from have "
             f"{before['dr_velocity_percent_mean']:.3g} % on these missions."

@@ -370,7 +370,8 @@ def test_every_key_has_its_unit_in_the_made_tables(cls):
     for field in dataclasses.fields(cls):
         (row,) = re.findall(rf"^\| `{field.name}` \| (.*) \|$", section, re.MULTILINE)
         last = field.name.removesuffix("_m_s").rpartition("_")[2]
-        unit = "m/s" if field.name.endswith("_m_s") else last if last in UNITS else None
+        rate = {"_m_s": "m/s", "eg_s": "deg/s"}.get(field.name[-4:])
+        unit = rate or (last if last in UNITS else None)
         assert unit is None or f"[{unit}" in row.replace("\\", ""), row
 
 

@@ -198,7 +198,8 @@ ALONG = {"blend_angle": {"linear_angle": 0.01}, "cross_flow_drag": {"linear_angl
 STILL = {
     "name", "path", "xml", "masses", "parts", "law", "imu_position", "gps_position", "pitch_pid",
     "heading_pid", "hull_thermal_expansion", "hull_thermal_lag", "hull_reference_temperature",
-    "trim_pid", "depth_pid", "buoyancy_pid", "control_period", "source", "summary", "usual_glide",
+    "trim_pid", "depth_pid", "buoyancy_pid", "station_pid", "control_period", "source", "summary",
+    "usual_glide",
     "usual_mission", "rated_depth", "cruise_speed", "steering", "spreads", "identified_angle",
     "idle", "followers",
 }  # fmt: skip
