@@ -21,15 +21,15 @@ MOST = 50_000
 SLACK = 300
 """Words that a row may have less than it says before it is lowered"""
 WORDS = {
-    "CHANGELOG.md": 1004,
+    "CHANGELOG.md": 1046,
     "CONTRIBUTING.md": 667,
-    "README.md": 645,
+    "README.md": 635,
     "docs": 1079,
     "docs/howto": 14408,
     "docs/physics": 4798,
     "docs/project": 2550,
     "docs/reference": 10066,
-    "docs/results": 10452,
+    "docs/results": 10446,
     "docs/tutorials": 3717,
     "examples": 196,
     "plugins": 359,
