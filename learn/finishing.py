@@ -12,7 +12,7 @@ import numpy as np
 from learn.data.dataset import TARGETS, MissionSequence, load_missions
 from learn.data.stores import parts_of
 from learn.evaluation.deviation import ErrorModel, fit_error_model
-from learn.evaluation.score import NETWORK, ReferenceVelocity, summarise_scores
+from learn.evaluation.score import NETWORK, ReferenceVelocity, best_method, summarise_scores
 from learn.files import write_sealed
 from learn.networks.familiarity import HELD_TO, MISSIONS, Familiarity, Tether, training_flights
 from learn.report.card import model_card
@@ -108,17 +108,13 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
     return run
 
 
-JUDGED_BY = "dr_velocity_percent_mean"
-"""Figure that decides between methods: track error with true attitude, in % of the path"""
 BEFORE, BEST = "before", "best"
 """Entries of an evaluation: figures of the networks that the training started from; best method"""
 
 
 def _beside_start(run: Run, test: RunEvaluation, split: str) -> RunEvaluation:
     """Evaluation with BEST and, for a run that started from another, BEFORE on equal missions."""
-    known = {n: f[JUDGED_BY] for n, f in test.figures["baselines"].items() if f[JUDGED_BY]}
-    known[NETWORK] = test.figures[JUDGED_BY]
-    figures = {**test.figures, BEST: min(known, key=lambda name: known[name])}
+    figures = {**test.figures, BEST: best_method(test.figures)[0]}
     start = run.description["settings"].get("start")
     if start is not None and len(run.stores) == 1:
         first = open_run(start)

@@ -16,7 +16,7 @@ def native_wrench(values, place, position, u, v, w, p, q, r, density, depth):
 
 @scalar
 def fossen_wrench(values, place, position, u, v, w, p, q, r, density, depth):
-    """The same in vectors: the two models share no code."""
+    """Force and moment by vectors: the two models share no code."""
     force = (-0.5 * density * values[0] * position * u * abs(u), 0.0, 0.0)
     moment = cross(place, force)
     return force[0], 0.0, 0.0, moment[0], moment[1], moment[2]

@@ -32,7 +32,7 @@ def native_rate_damping(c, timestep, density, u, v, w, p, q, r):
 
 @scalar
 def fossen_wrench(c, density, u, v, w, p, q, r):
-    """The same as a matrix times the motion."""
+    """Force and moment as a matrix times the motion."""
     along = c[0] * abs(u)
     across = c[1] * abs(u) + c[2] * math.sqrt(v * v + w * w)
     turn = c[3] * u

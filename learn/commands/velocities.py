@@ -14,9 +14,6 @@ from twin.cli.console import Console, JsonOption
 from twin.cli.options import StoreArgument
 from twin.cli.program import EXIT_OK
 
-ERROR = "dr_velocity_percent_mean"
-"""Figure that decides between methods: track error with true attitude, in % of the path"""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Velocities(JsonOption):
@@ -42,6 +39,7 @@ class Velocities(JsonOption):
         import numpy as np
 
         from learn.evaluation import evaluate
+        from learn.evaluation.score import NETWORK, best_method
         from learn.networks import ShippedNetworks, write_velocities
         from twin.errors import InputError
 
@@ -50,12 +48,10 @@ class Velocities(JsonOption):
                 raise InputError(f"--out {self.out}: the file is a CSV; name it .csv")
             check_file(self.out, "--out")
         with ShippedNetworks(self.store) as shipped:
-            errors: dict[str, float] = {}
+            best, errors = NETWORK, dict[str, float]()
             if shipped.judged:
-                judged = evaluate(shipped.networks, self.store, split=self.split).to_json()
-                known = {"network": judged, **judged["baselines"]}
-                errors = {n: figures[ERROR] for n, figures in known.items() if figures[ERROR]}
-            best = min(errors, key=lambda name: errors[name]) if errors else "network"
+                judged = evaluate(shipped.networks, self.store, split=self.split)
+                best, errors = best_method(judged.to_json())
             rows: list[dict[str, Any]] = []
             found = []
             for mission, time, surge, sway in shipped.velocities(best, self.split):

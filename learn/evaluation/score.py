@@ -45,6 +45,8 @@ from twin.navigation.estimators.base import Estimate
 
 NETWORK, FLOOR, DVL = "network", "floor", "dvl"
 """Names of methods. FLOOR: true velocities, a lower bound of error. DVL: Doppler log, a baseline"""
+JUDGED_BY = "dr_velocity_percent_mean"
+"""Figure that decides between methods: track error with true attitude, in % of the path"""
 LAUNCH_S = 30.0
 """[s] Duration of the launch from rest, which numbers `..._after_30s` leave out."""
 TARGETS = ("surge", "sway")
@@ -309,3 +311,13 @@ def network_estimate(predictions: Mapping[str, tuple[Any, Any]]) -> Estimate:
         if np.any(spread):
             fields[f"{name}_sd"] = np.asarray(spread, float)
     return Estimate(**fields)
+
+
+def best_method(figures: Mapping[str, Any]) -> tuple[str, dict[str, float]]:
+    """Name of the method with the least track error in an evaluation, and the error of each.
+
+    Without any error it is the networks.
+    """
+    known = {NETWORK: figures, **figures["baselines"]}
+    errors = {name: one[JUDGED_BY] for name, one in known.items() if one[JUDGED_BY]}
+    return min(errors, key=lambda name: errors[name], default=NETWORK), errors

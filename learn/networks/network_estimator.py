@@ -37,7 +37,7 @@ from twin.records.reader import MissionStore
 from twin.records.schema.limits import simulated_limits
 from twin.records.storage.store_path import StorePath
 from twin.vehicle.vehicle import Vehicle
-from twin.water.density import STANDARD_OCEAN
+from twin.water.density import standard_density
 
 FASTEST = simulated_limits("true_surge")[1]
 """[m/s] Limit of a network's absolute output; larger velocities are clipped"""
@@ -176,8 +176,7 @@ class NetworkVelocity(VelocityEstimator):
         """See `VelocityEstimator`; zero until every channel has had a good value."""
         for name in self._optional:
             if not math.isfinite(sample.get(name, math.nan)):
-                depth = max(sample["measured_depth"], 0.0)
-                sample = {**sample, name: STANDARD_OCEAN[0] + STANDARD_OCEAN[1] * depth}
+                sample = {**sample, name: float(standard_density(sample["measured_depth"]))}
         kept = self._guard.step(sample)
         if kept is None:
             return BodyVelocity(surge=0.0, sway=0.0)

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from twin.numbers import Array
-from twin.water.density import STANDARD_OCEAN
+from twin.water.density import standard_density
 
 SORTS: Mapping[str, tuple[str, ...]] = {
     "gliders": (
@@ -58,7 +58,6 @@ def substituted(
         FORCES[0]: GRAVITY * np.sin(pitch),
         FORCES[1]: -GRAVITY * level * np.sin(roll),
         FORCES[2]: -GRAVITY * level * np.cos(roll),
-        "measured_density": STANDARD_OCEAN[0]
-        + STANDARD_OCEAN[1] * np.maximum(signals["measured_depth"], 0.0),
+        "measured_density": standard_density(signals["measured_depth"]),
     }
     return {**signals, **{name: found[name] for name in missing}}

@@ -282,7 +282,7 @@ def place(tmp_path_factory):
 def test_a_network_of_ones_own_trains_reloads_evaluates_and_exports(
     place, flown_store, monkeypatch, capsys
 ):
-    """By the file of the examples as a program, which trains in processes of their own."""
+    """Run the file of the examples as a program, which trains in processes of their own."""
     small = "--hidden 5 --members 1 --epochs 1 --features sin_pitch depth_rate --workers 2"
     words = f"leaky.py fit {flown_store} --name mine --network leaky {small} --json --no-report"
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}

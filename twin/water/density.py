@@ -49,6 +49,11 @@ MAX_PROGRAM_POINTS = 20_000
 """Maximum number of points of a compiled table: 12 000 m at 1 m; more mean a wrong spacing."""
 
 
+def standard_density(depth: ArrayLike) -> Array:
+    """Density [kg/m3] of STANDARD_OCEAN at a depth [m]; at the surface above it."""
+    return STANDARD_OCEAN[0] + STANDARD_OCEAN[1] * np.maximum(depth, 0.0)
+
+
 def gravity(latitude: float, depth: ArrayLike = 0.0) -> Array:
     """Gravity [m/s2] at `latitude` [deg] and `depth` [m]; TEOS-10, as in `gsw.grav`."""
     sin2 = np.sin(np.deg2rad(latitude)) ** 2

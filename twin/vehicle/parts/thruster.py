@@ -183,7 +183,7 @@ def native_drag(values, place, position, u, v, w, p, q, r, density, depth):  # t
 
 @scalar
 def fossen_drag(values, place, position, u, v, w, p, q, r, density, depth):  # type: ignore[no-untyped-def]
-    """The same by vectors."""
+    """Drag of the tether's end and its moment, by vectors."""
     turning = cross((p, q, r), place)
     end = (u + turning[0], v + turning[1], w + turning[2])
     size = 0.5 * density * values[0] * position * math.sqrt(dot(end, end))

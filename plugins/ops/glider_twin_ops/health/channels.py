@@ -129,10 +129,10 @@ def new_legs(ways: Array) -> Array:
     Args:
       ways: mean velocity through the water of each dive, (dives, 2); NaN: unknown heading.
     """
-    turns = np.diff(np.arctan2(ways[:, 1], ways[:, 0]))
-    return np.append(
-        np.zeros(min(len(ways), 1)), 1.0 - np.where(np.isfinite(turns), np.cos(turns), 0.0)
-    )
+    headings = np.arctan2(ways[:, 1], ways[:, 0])
+    turns = np.diff(headings, prepend=headings[:1])
+    turns[:1] = 0.0
+    return 1.0 - np.where(np.isfinite(turns), np.cos(turns), 0.0)
 
 
 ORDERED = 2.0

@@ -169,6 +169,11 @@ def strokes_of(volume: Array, period: float) -> Strokes:
     return Strokes(rate, out, inner)
 
 
+def _runs(mask: Mask) -> NDArray[np.int64]:
+    """First sample of each run of True, and the one after its last, (runs, 2)."""
+    return np.flatnonzero(np.diff(mask, prepend=False, append=False)).reshape(-1, 2)
+
+
 def _binned(values: Array | None, width: int, count: int) -> Array:
     """Average bins of `width` of `count` samples without NaN; NaN where there is no signal."""
     values = np.full(count, np.nan) if values is None else values
@@ -253,9 +258,8 @@ def _rates(
     used, found = log.use & dive.watered() & np.isfinite(sink), {}
     ends = int(dive.period > FINEST)
     for word, sign in PHASES:
-        moving = np.diff(sign * log.depth_rate > LEVEL_RATE, prepend=False, append=False)
         phase = np.zeros_like(used)
-        for first, end in np.flatnonzero(moving).reshape(-1, 2):
+        for first, end in _runs(sign * log.depth_rate > LEVEL_RATE):
             if end - first >= LEAST_RUN:
                 inner = slice(first + ends, end - ends)
                 phase[inner] = used[inner]
@@ -343,7 +347,7 @@ def _pump(dive: DiveSignals, depth: Array, losses: Consumption | None) -> dict[s
     # a valve passes a little at any time, and short strokes consist of their ends
     if out.sum() >= 5:
         whole = inner & (rate > WHOLE * float(rate[out].max()))
-        lasting = np.diff(np.flatnonzero(np.diff(whole, prepend=False, append=False)))[::2]
+        lasting = np.diff(_runs(whole))
         if whole.any() and float(np.median(lasting)) >= LEAST_WHOLE:
             found["pump_rate"] = math.log(float(np.median(rate[whole])))
     power = dive.get("pump_power")
