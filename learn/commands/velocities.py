@@ -38,8 +38,7 @@ class Velocities(JsonOption):
         """Estimate, judge, write."""
         import numpy as np
 
-        from learn.evaluation import evaluate
-        from learn.evaluation.score import NETWORK, best_method
+        from learn.evaluation import NETWORK, best_method, evaluate
         from learn.networks import ShippedNetworks, write_velocities
         from twin.errors import InputError
 

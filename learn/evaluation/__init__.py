@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     from learn.evaluation.judged_tracks import TrackCollector as TrackCollector
     from learn.evaluation.judged_tracks import check_target as check_target
     from learn.evaluation.log_score import sentences as sentences
+    from learn.evaluation.score import NETWORK as NETWORK
     from learn.evaluation.score import ReferenceVelocity as ReferenceVelocity
+    from learn.evaluation.score import best_method as best_method
 
 __getattr__, __dir__ = attach(__name__, places(__name__))
