@@ -18,17 +18,30 @@ class Vehicles(JsonOption):
     """List the shipped vehicles and their presets: mass, propeller, pump, usual speed, and the
     source of the numbers.
 
-    Example:
+    Examples:
 
         twin vehicles
+        twin vehicles --template > mine.xml
     """
+
+    template: Annotated[tuple[str, ...] | None, tyro.conf.arg(metavar="[NAME]")] = None
+    """print a vehicle file to begin with, from the shipped vehicle NAME (default: glider)"""
 
     def run(self, console: Console) -> int:
         """Print one line for each vehicle, then a summary and the source of each one's numbers."""
         from dataclasses import asdict
 
+        from twin.errors import InputError
         from twin.mission import shipped_vehicles
+        from twin.vehicle import template
 
+        if self.template is not None:
+            if len(self.template) > 1:
+                raise InputError(f"--template takes one name, not {', '.join(self.template)}")
+            text = template(*self.template)
+            console.say(text.rstrip("\n"))
+            console.answer(template=text)
+            return 0
         lines = shipped_vehicles()
         console.table(
             [line.cells() for line in lines],
