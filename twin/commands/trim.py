@@ -31,14 +31,11 @@ class Vehicles(JsonOption):
         """Print one line for each vehicle, then a summary and the source of each one's numbers."""
         from dataclasses import asdict
 
-        from twin.errors import InputError
         from twin.mission import shipped_vehicles
         from twin.vehicle import template
 
         if self.template is not None:
-            if len(self.template) > 1:
-                raise InputError(f"--template takes one name, not {', '.join(self.template)}")
-            text = template(*self.template)
+            text = template(" ".join(self.template) or "glider")
             console.say(text.rstrip("\n"))
             console.answer(template=text)
             return 0

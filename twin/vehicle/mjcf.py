@@ -7,14 +7,12 @@ largest value that no vehicle needs.
 
 from __future__ import annotations
 
-import ast
 import inspect
 import math
 import re
-import textwrap
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from typing import NoReturn
 from xml.etree import ElementTree
 from xml.parsers import expat
 
@@ -65,15 +63,6 @@ INSTEAD = {
 """Advice for elements that refer to a file."""
 
 
-class Asked(NamedTuple):
-    """Number or text that the code has looked up in a file, present or not."""
-
-    size: int
-    """Count of numbers; 0: a text."""
-    default: tuple[float, ...] | str | None
-    """Value without the element; None: the file must have it."""
-
-
 class MjcfReader:
     """Elements of one MJCF file by name.
 
@@ -94,8 +83,9 @@ class MjcfReader:
             self.fail(f"root element <{self.root.tag}>", "<mujoco>")
         self.numerics = {e.get("name", ""): e for e in self.root.iterfind("./custom/numeric")}
         self.texts = {e.get("name", ""): e for e in self.root.iterfind("./custom/text")}
-        self.asked: dict[str, Asked] = {}
-        """Numbers and texts that the code has looked up, by name."""
+        self.asked: dict[str, tuple[int, tuple[float, ...] | str | None]] = {}
+        """Numbers and texts that the code has looked up, by name: count of numbers (0: a text), and
+        the value without the element (None: the file must have it)."""
         self.elements: dict[str, None] = {}
         """Other elements that the code has looked up, in that order."""
         self.lacking: dict[str, list[str]] = {}
@@ -156,7 +146,7 @@ class MjcfReader:
 
     def text(self, name: str, default: str) -> str:
         """Return the data of a <custom><text>, or `default`."""
-        self.asked[name] = Asked(0, default)
+        self.asked[name] = (0, default)
         element = self.texts.get(name)
         return default if element is None else element.get("data", default)
 
@@ -170,7 +160,7 @@ class MjcfReader:
 
     def numeric(self, name: str, size: int, default: tuple[float, ...] | None = None) -> tuple:
         """Return the `size` numbers of a <custom><numeric>, or `default`; raises without either."""
-        self.asked[name] = Asked(size, default)
+        self.asked[name] = (size, default)
         if name in self.numerics:
             return tuple(float(x) for x in self.vector(self.numerics[name], "data", size))
         if default is not None:
@@ -184,11 +174,10 @@ class MjcfReader:
         own: tuple[str, ...] = (),
         texts: Callable[[], dict[str, str]] = dict,
     ) -> None:
-        """Raise VehicleError for all that the file lacks, and for what no code reads.
+        """Raise VehicleError for all that the file lacks, or for what no code reads.
 
         Args:
-          known: names of numbers and texts that are allowed although no code has looked them up.
-          own: prefixes or parts of names that are allowed for other purposes.
+          known, own: names that are allowed unread; parts of names that are.
           texts: function that returns descriptions of numbers by name, with units in brackets.
         """
         right = {*self.asked, *known}
@@ -213,7 +202,7 @@ class MjcfReader:
         alike = free if tag == "numeric" else [e.get("name", "") for e in self.root.iter(tag)]
         said = []
         for name in filter(None, self.lacking[tag]):
-            size = self.asked[name].size if tag == "numeric" else 1
+            size = self.asked[name][0] if tag == "numeric" else 1
             units = re.findall(r"\[([^]]+)\]", described.get(name, "").split(":")[0])
             unit = f" [{', '.join(units)}]" if len(units) in (1, size) else ""
             near = nearest(name, alike)
@@ -366,11 +355,7 @@ def _shortened(text: str) -> str:
 
 def field_texts(cls: type) -> dict[str, str]:
     """Docstring of each field of a dataclass, in one line; those of its bases too."""
-    found: dict[str, str] = {}
-    for one in reversed(cls.__mro__[:-1]):
-        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(one))).body
-        assert isinstance(tree, ast.ClassDef)
-        for field, text in zip(tree.body, tree.body[1:], strict=False):
-            if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr):
-                found[ast.unparse(field.target)] = " ".join(ast.literal_eval(text.value).split())
-    return found
+    source = "".join(inspect.getsource(one) for one in reversed(cls.__mro__[:-1]))
+    field = r'^    (\w+): .*(?:\n(?:     |    \)).*)*\n    """((?:[^"]|"(?!""))*)"""'
+    found = re.findall(field, source, re.MULTILINE)
+    return {name: " ".join(text.split()) for name, text in found}

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 
 from twin.errors import InputError
-from twin.vehicle.mjcf import Asked, MjcfReader
+from twin.vehicle.mjcf import MjcfReader
 from twin.vehicle.presets import asset_path, shipped_files, unknown_vehicle
 from twin.vehicle.vehicle import Vehicle, number_texts, read_vehicle
 
@@ -32,18 +32,12 @@ _LEFT_OUT = (
     rf'{_ABOVE}<(?:text|numeric) name="(?:spread\.[^"]*|presets|[^"]*:[^"]*)"{_TAG}/>[^\n]*\n',
 )
 """Patterns of elements that a template lacks, each with the comment above it."""
-_NUMBER = re.compile(
-    rf'(?P<element><(?:numeric|text) name="(?P<name>[^"]*)"{_TAG}/>)(?: *<!-- (?P<why>.*?) -->)?',
-    re.DOTALL,
-)
+_NUMBER = re.compile(rf'(<(?:numeric|text) name="([^"]*)"{_TAG}/>)(?: *<!-- (.*?) -->)?', re.DOTALL)
+"""Pattern of a number or text, its name, and the comment behind it."""
 
 
 def template(name: str = "glider") -> str:
-    """Return the text of a vehicle file that flies as it stands, made from a shipped file.
-
-    Raises:
-      InputError: no shipped file has that name.
-    """
+    """Return the text of a vehicle file that flies, from the shipped `name`; else InputError."""
     if name not in shipped_files():
         raise InputError(unknown_vehicle(name))
     path = asset_path(f"{name}.xml")
@@ -52,31 +46,25 @@ def template(name: str = "glider") -> str:
     text = reader.xml[reader.xml.index("<mujoco") :]
     for pattern in _LEFT_OUT:
         text = re.sub(pattern, "", text, flags=re.DOTALL)
-    text = _NUMBER.sub(lambda found: _marked(found, reader), text)
+    text = _NUMBER.sub(
+        lambda found: f"{found[1]} <!-- {_need(reader, found[2])}: {found[3] or ''} -->", text
+    ).replace(":  -->", " -->")
     text = re.sub(r'<mujoco model="[^"]*"', '<mujoco model="mine"', text)
     text = text.replace('group="4"', 'group="1"').replace("; hidden", "")  # nothing else is drawn
     meanings = number_texts(reader)
     absent = "".join(
-        f"      {number}: {f'{asked.size} numbers, ' * (asked.size > 1)}else "
-        f"{_default(asked, number)}. {meanings[number]}\n"
-        for number, asked in reader.asked.items()
-        if asked.size and number not in reader.numerics and number in meanings
+        f"      {number} ({size}, {_need(reader, number)}): {meanings[number]}\n"
+        for number, (size, _) in reader.asked.items()
+        if size and number not in reader.numerics and number in meanings
     )
-    further = f"\n    <!-- optional numbers that this file does without:\n{absent}    -->\n"
+    further = f"\n    <!-- this file does without (count of numbers):\n{absent}    -->\n"
     text = re.sub(r"\n{3,}", "\n\n", text.replace("  </custom>", f"{further}  </custom>", 1))
     return HEAD.format(name=name, source=source, elements=", ".join(reader.elements)) + text
 
 
-def _marked(found: re.Match[str], reader: MjcfReader) -> str:
-    """Element of a number or text, with a comment that begins with whether it is required."""
-    asked = reader.asked.get(found["name"])
-    need = "optional" if asked is None else "required"
-    if asked is not None and asked.default is not None:
-        need = f"optional, else {_default(asked, found['name'])}"
-    return f"{found['element']} <!-- {need}{': ' * bool(found['why'])}{found['why'] or ''} -->"
-
-
-def _default(asked: Asked, name: str) -> str:
-    """Text of the value that counts without the element."""
-    value = asked.default or getattr(Vehicle, name, None) or "none"
-    return value if isinstance(value, str) else " ".join(f"{number:.4g}" for number in value)
+def _need(reader: MjcfReader, name: str) -> str:
+    """Text "required", or "optional" with the value that counts without the element."""
+    _, default = reader.asked.get(name, (0, ()))
+    value = default or getattr(Vehicle, name, None) or "none"
+    text = value if isinstance(value, str) else " ".join(f"{number:.4g}" for number in value)
+    return "required" if default is None else f"optional, else {text}"

@@ -58,12 +58,8 @@ LEVEL = 1e-6
 IDENTIFIED = ("hull_and_water", "sensor_errors", "identification", "pump_position")
 """Names of the numbers and texts that `twin identify` adds to a vehicle file for its own use."""
 OPTIONAL = {
-    "depth_pid": 3,
-    "buoyancy_pid": 3,
-    "usual_glide": 2,
-    "station_pid": 12,
-    "rated_depth": 1,
-}
+    "depth_pid": 3, "buoyancy_pid": 3, "usual_glide": 2, "station_pid": 12, "rated_depth": 1
+}  # fmt: skip
 """Count of numbers of what a file may leave out; a field's docstring says what then holds."""
 SPREAD = "spread."
 """Prefix of the `<text>` elements that give the factory's distributions for this vehicle."""
@@ -450,16 +446,12 @@ def load_vehicle(vehicle: str | Path = "glider") -> Vehicle:
 
 @functools.lru_cache(maxsize=16)
 def parse_vehicle(xml: str, path: Path) -> Vehicle:
-    """Build a `Vehicle` from MJCF text; `path` only names the file in errors.
-
-    Raises:
-      VehicleError: names all that the file lacks, or a wrong element.
-    """
+    """Build a `Vehicle` from MJCF text; `path` only names the file in errors."""
     return read_vehicle(MjcfReader(xml, path, gather=True))
 
 
 def read_vehicle(reader: MjcfReader) -> Vehicle:
-    """Build a `Vehicle` from a reader that gathers; then `reader.asked` has all that counts."""
+    """Build a `Vehicle`; VehicleError names all that a gathering reader's file lacks."""
     try:
         return _read(reader)
     except (VehicleError, ArithmeticError, np.linalg.LinAlgError):
@@ -545,27 +537,19 @@ def _refuse(reader: MjcfReader) -> None:
     """Raise VehicleError for what is missing or misspelt; numbers of other hull laws may stand."""
     if reader.lacking and not reader.actuators():
         reader.lack("actuator", "for each part: without one the vehicle drifts")
-    if reader.lacking and reader.root.find(".//body[@name='hull']/freejoint") is None:
+    free = ("freejoint", "joint[@type='free']")
+    if all(reader.body("hull").find(joint) is None for joint in free):
         reader.lack("freejoint", "in body 'hull'")
     others = [name for law in LAWS.values() for name in law.names()]
-    loops = ("pitch_pid", "heading_pid", "trim_pid")
+    known = ("added_mass", "cruise_speed", "pitch_pid", "heading_pid", "trim_pid", PRESETS)
     losses = [field.name for field in dataclasses.fields(Losses)]
-    right = (
-        "added_mass",
-        "cruise_speed",
-        PRESETS,
-        *OPTIONAL,
-        *loops,
-        *IDENTIFIED,
-        *losses,
-        *others,
-    )
+    right = (*known, *OPTIONAL, *IDENTIFIED, *losses, *others)
     reader.refuse(right, (SPREAD, SEPARATOR, USER), lambda: number_texts(reader))
 
 
 def number_texts(reader: MjcfReader) -> dict[str, str]:
     """Docstrings of the fields that hold a file's numbers, by the numbers' names."""
-    law = LAWS[reader.text("hull_law", FlowFrame.kind)]
+    law = LAWS.get(reader.text("hull_law", FlowFrame.kind), FlowFrame)
     found = {**field_texts(Vehicle), **field_texts(law)}
     for actuator in reader.actuators():
         name = actuator.get("name", "")
