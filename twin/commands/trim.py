@@ -32,10 +32,10 @@ class Vehicles(JsonOption):
         from dataclasses import asdict
 
         from twin.mission import shipped_vehicles
-        from twin.vehicle import template
+        from twin.vehicle import vehicle_template
 
         if self.template is not None:
-            text = template(" ".join(self.template) or "glider")
+            text = vehicle_template(" ".join(self.template) or "glider")
             console.say(text.rstrip("\n"))
             console.answer(template=text)
             return 0

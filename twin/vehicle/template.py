@@ -36,7 +36,7 @@ _NUMBER = re.compile(rf'(<(?:numeric|text) name="([^"]*)"{_TAG}/>)(?: *<!-- (.*?
 """Pattern of a number or text, its name, and the comment behind it."""
 
 
-def template(name: str = "glider") -> str:
+def vehicle_template(name: str = "glider") -> str:
     """Return the text of a vehicle file that flies, from the shipped `name`; else InputError."""
     if name not in shipped_files():
         raise InputError(unknown_vehicle(name))

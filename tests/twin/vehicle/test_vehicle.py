@@ -19,7 +19,7 @@ from twin.physics.mujoco_model import compile_model
 from twin.records.mission_dataset import dataset_of
 from twin.records.reader import MissionStore
 from twin.records.store import write_store
-from twin.vehicle import template
+from twin.vehicle import vehicle_template
 from twin.vehicle.changes import differences
 from twin.vehicle.laws import LAWS
 from twin.vehicle.mjcf import MOST_XML, check_file
@@ -190,7 +190,7 @@ def test_every_misspelt_name_is_in_one_error():
 
 @pytest.mark.parametrize("name", sorted(shipped_files()))
 def test_a_template_is_the_shipped_vehicle(name):
-    vehicle, shipped = parse_vehicle(template(name), Path("mine.xml")), load_vehicle(name)
+    vehicle, shipped = parse_vehicle(vehicle_template(name), Path("mine.xml")), load_vehicle(name)
     assert differences(vehicle, shipped, leave=UNLIKE) == {}
     assert differences(vehicle.law, shipped.law) == {}
     for mine, theirs in zip(vehicle.parts, shipped.parts, strict=True):
