@@ -455,11 +455,7 @@ def with_marker(vehicle: Vehicle, **attributes: Any) -> Vehicle:
 
 
 def place_marker(physics: Physics, north: float, east: float, depth: float) -> None:
-    """Move the site of `with_marker` to a position [m]; call it in a reset or before a step.
-
-    Raises:
-      InputError: the physics has no such site.
-    """
+    """Move the site of `with_marker`, else InputError, to a position [m] in a reset or a step."""
     model, data = physics.mj_model, physics.mj_data
     try:
         marker = model.site(MARKER).id

@@ -23,6 +23,8 @@ from twin.errors import VehicleError, nearest, unknown_name
 from twin.frames import flip_vector
 
 Array = NDArray[np.float64]
+Names = tuple[str, ...]
+Texts = Callable[[], dict[str, str]]
 USER = "user."
 """Prefix of a file's numbers and texts that the twin ignores."""
 MOST_XML = 16 * 2**20
@@ -168,12 +170,7 @@ class MjcfReader:
         self.lack("numeric", name)
         return tuple(np.arange(1.0, size + 1.0).tolist())
 
-    def refuse(
-        self,
-        known: Iterable[str] = (),
-        own: tuple[str, ...] = (),
-        texts: Callable[[], dict[str, str]] = dict,
-    ) -> None:
+    def refuse(self, known: Names = (), own: Names = (), texts: Texts = dict) -> None:
         """Raise VehicleError for all that the file lacks, or for what no code reads.
 
         Args:
@@ -186,16 +183,12 @@ class MjcfReader:
         if self.lacking:
             described = texts()
             said = [self._lacking_of(tag, described, free) for tag in self.lacking]
-            raise VehicleError(
-                f"vehicle file {self.path} lacks {'; '.join(said)}. "
-                "`twin vehicles --template` prints a file that has all"
-            )
+            way = "`twin vehicles --template` prints a file that has all"
+            raise VehicleError(f"vehicle file {self.path} lacks {'; '.join(said)}. {way}")
         if free and own:
             unknown = "; ".join(unknown_name("name", name, right) for name in free)
-            raise VehicleError(
-                f"vehicle file {self.path}: <custom>: {unknown}; names of your own begin with "
-                f"{USER!r}"
-            )
+            way = f"names of your own begin with {USER!r}"
+            raise VehicleError(f"vehicle file {self.path}: <custom>: {unknown}; {way}")
 
     def _lacking_of(self, tag: str, described: dict[str, str], free: Iterable[str]) -> str:
         """Missing elements of one tag, with what stands in the file under a similar name."""
