@@ -97,11 +97,9 @@ def geoms(v: dict[str, float], density: float) -> list[str]:
     disc, upright = (RADIUS, RADIUS, RADIUS * FLATNESS), 'euler="1.57079633 0 0" '
     lines = [geom("hull", (0, 0, 0), "", (long, RADIUS, RADIUS), v["drag"], 0.0)]
     for end, way in (("fore", 1), ("aft", -1)):
-        x = v["wing_x"] + way * v["wing_dx"]
-        lines += [
-            geom(f"wing_{end}_{side}", (x, hand * v["wing_y"], 0), "", disc, 0.0, v["lift"] / 4)
-            for side, hand in (("port", 1), ("starboard", -1))
-        ]
+        for side, hand in (("port", 1), ("starboard", -1)):
+            place = (v["wing_x"] + way * v["wing_dx"], hand * v["wing_y"], 0)
+            lines.append(geom(f"wing_{end}_{side}", place, "", disc, 0.0, v["lift"] / 4))
         place = (v["fin_x"] + way * v["fin_dx"], 0, v["fin_z"])
         lines.append(geom(f"fin_{end}", place, upright, disc, 0.0, v["side"] / 2))
     return lines
