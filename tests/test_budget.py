@@ -24,7 +24,7 @@ SLACK = 150
 """Lines that a room may have less than its row says before the row is lowered"""
 
 ROOMS = {
-    "benchmarks": (13680, 103887),
+    "benchmarks": (13790, 104796),
     "factory": (1550, 11678),
     "factory/commands": (995, 5923),
     "factory/exporting": (2136, 12231),
@@ -42,7 +42,7 @@ ROOMS = {
     "learn/training": (2734, 17017),
     "plugins": (19982, 139852),
     "scripts": (2449, 17260),
-    "tests": (67815, 593177),
+    "tests": (67865, 593766),
     "twin": (2359, 12519),
     "twin/checks": (1318, 8696),
     "twin/cli": (1328, 8059),
