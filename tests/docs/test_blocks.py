@@ -61,6 +61,7 @@ RUN = {
         "tests/docs/test_front_page.py": 1,
     },
     "docs/howto/pipelines.md": {"plugins/pipelines/tests/test_pipelines.py": 1},
+    "docs/howto/plain_mujoco.md": {"tests/twin/vehicle/test_plain.py": 1},
     "docs/howto/render.md": {
         "tests/twin/show/render/test_gallery.py": 2,
     },

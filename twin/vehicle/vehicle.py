@@ -38,6 +38,7 @@ from twin.vehicle.mjcf import USER, MjcfReader, field_texts
 from twin.vehicle.parts import PARTS, Part, Pump, Thruster
 from twin.vehicle.parts.base import Losses
 from twin.vehicle.parts.pump import CUBIC_CM
+from twin.vehicle.plain import without_plain
 from twin.vehicle.presets import (
     PRESETS,
     SEPARATOR,
@@ -73,7 +74,7 @@ class Vehicle:
     """Name of the vehicle file, without its suffix."""
     path: Path
     xml: str
-    """MJCF text from which all fields below were read."""
+    """MJCF text from which all fields below were read, without the set for plain MuJoCo."""
     gravity: float
     """[m/s2] Gravity, positive down."""
     reference_density: float
@@ -447,7 +448,7 @@ def load_vehicle(vehicle: str | Path = "glider") -> Vehicle:
 @functools.lru_cache(maxsize=16)
 def parse_vehicle(xml: str, path: Path) -> Vehicle:
     """Build a `Vehicle` from MJCF text; `path` only names the file in errors."""
-    return read_vehicle(MjcfReader(xml, path, gather=True))
+    return read_vehicle(MjcfReader(without_plain(xml, path), path, gather=True))
 
 
 def read_vehicle(reader: MjcfReader) -> Vehicle:
