@@ -84,6 +84,9 @@ class Fit(FitSettings, JsonOption):
             resumed=place if self.resume else None,
             **settings | {"mirror": not self.no_mirror, "start": self.start or shipped},
         )
+        if not (config.mirror or self.no_mirror or self.resume):
+            lone = "missions are not mirrored: parts such as thrusters have no image of their own"
+            told = "; ".join(filter(None, (told, lone)))
         if self.tensorboard:
             event_writer_type()
         if not self.no_report:

@@ -54,14 +54,17 @@ def _parts_of(store: str | StorePath) -> dict[str, float | None]:
 def input_groups(inputs: str, store: str | StorePath) -> tuple[str, ...]:
     """Groups of features in a set of INPUT_SETS, for networks of a store.
 
-    `full` includes the group `flight` if the store is a simulated glider's with a CTD. Logs lack
-    the vehicle constants that the flight filter needs.
+    `full` is `thrusters` for a simulated vehicle whose thrusters hold a pose. It includes the group
+    `flight` if the store is a simulated glider's with a CTD. Logs lack the vehicle constants that
+    the flight filter needs.
     """
     groups = INPUT_SETS[inputs]
     if inputs != "full":
         return groups
     try:
         with MissionStore(store) as reader:
+            if not reader.logged and reader.vehicle.holds_pose:
+                return INPUT_SETS["thrusters"]
             channels = map(str, reader.dataset.data_vars)
             flies = not reader.logged and can_estimate(reader.vehicle, channels)
     except StoreError:  # reading the store raises this error later

@@ -26,6 +26,7 @@ from twin.navigation.features import (
     features_for,
     is_known,
     select_features,
+    without_image,
 )
 from twin.navigation.flight_filter import ANY, HULLS
 from twin.records.reader import MissionStore
@@ -51,7 +52,8 @@ class FitConfig:
     division: Division = "missions"
     """`missions`: the store's split. `samples`: the paper's random 70/15/15, which leaks."""
     mirror: bool = True
-    """True: train on the mirror image of every mission too, port for starboard."""
+    """True: train on the mirror image of every mission too, port for starboard. `fit_settings`
+    leaves it out for inputs without one, such as a thruster's: another thruster is its image."""
     period: float | None = None
     """[s] Sample period, a multiple of the store's; None takes all samples."""
     start: str | None = None
@@ -226,7 +228,7 @@ def fit_settings(
         training=TrainingConfig(**{**dataclasses.asdict(base.training), **training}),
         members=base.members if own.members is None else own.members,
         division=base.division if own.division is None else own.division,  # type: ignore[arg-type]
-        mirror=base.mirror and own.mirror,
+        mirror=base.mirror and own.mirror and not without_image(chosen, parts_of(places)),
         period=period,
         start=None if start is None else str(start),
         labels=LabelConfig(**{**dataclasses.asdict(base.labels), **learned}),

@@ -14,7 +14,7 @@ from twin.cli.options import Seconds
 
 CHOICES: Mapping[str, Mapping[str, object] | tuple[str, ...]] = {
     "network": NETWORKS,
-    "inputs": ("full", "glider"),
+    "inputs": ("full", "glider", "thrusters"),
     "optimiser": OPTIMISERS,
     "division": ("missions", "samples"),
     "device": ("auto", "cpu", "cuda"),
@@ -48,7 +48,7 @@ class FitSettings:
     """ema: time constants of the averages in seconds, rising [default: 2 8 30]"""
     inputs: Annotated[str | None, INPUTS] = None
     """set of inputs: full needs gyroscopes and accelerometers, glider only channels that every
-    glider's log has [default: full]"""
+    glider's log has; thrusters is full with thrusters' commands [default: full]"""
     features: tuple[str, ...] = ()
     """features or groups instead of --inputs, such as attitude depth_rate glide_speed"""
     without: tuple[str, ...] = ()

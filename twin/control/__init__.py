@@ -1,4 +1,5 @@
-"""Control tasks for a glider: hold heading and pitch, reach a depth, follow waypoints, save energy.
+"""Control tasks: a glider holds a pitch, reaches a depth, follows waypoints, saves energy; an ROV
+reaches a pose, holds it in a current, follows a path.
 
 The tasks, their water and their rewards need MuJoCo alone. They use its model and the native
 callbacks of batches, and have three interfaces:

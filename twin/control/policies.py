@@ -12,8 +12,11 @@ from typing import Any, Protocol
 import numpy as np
 
 from twin.control.physics import Physics
-from twin.control.task import GliderTask, wrap_angle
+from twin.control.task import GliderTask, Reference, wrap_angle
 from twin.errors import MissionError
+from twin.frames import euler_to_matrix
+from twin.mission.mission_file import GAINS
+from twin.mission.stationing import share_wrench, thruster_gains
 from twin.mission.turning import turn_factor
 from twin.mission.way import way
 from twin.numbers import Array
@@ -47,6 +50,7 @@ class Autopilot:
     def __init__(self, environment: Flown):
         self._environment = environment
         self._trims: dict[tuple[float, float], tuple[Array, float]] = {}
+        self._integral, self._before = np.zeros(4), math.inf
 
     def __call__(self, time_step: Any = None) -> Array:
         """Return the action now; dm_control's viewer passes the time step, which is not used."""
@@ -54,6 +58,9 @@ class Autopilot:
         vehicle = task.vehicle
         wanted = task.reference(physics)
         command = vehicle.rest
+        if wanted.position is not None:
+            self._hold_pose(wanted, command)
+            return task.to_action(command)
         _, pitch_rate, yaw_rate = self.damping * physics.rates()
         pump, driving = vehicle.steered_index("buoyancy"), vehicle.steered_index("speed")
         if pump is not None:
@@ -74,6 +81,31 @@ class Autopilot:
             rotation = min(max(rotation, -LARGEST_ROTATION), LARGEST_ROTATION)
             command[vehicle.part_names.index(turning.name)] = rotation
         return task.to_action(vehicle.allocated(command))
+
+    def _hold_pose(self, wanted: Reference, command: Array) -> None:
+        """Write the thrusters' commands that bring the hull level to a pose, by `station_pid`."""
+        task, physics = self._environment.task, self._environment.physics
+        if physics.time() <= self._before:  # another episode
+            self._integral[:] = 0.0
+        self._before = physics.time()
+        kp, ki, kd = np.reshape(task.vehicle.station_pid, (4, 3))[[0, 0, 1, 2]].T
+        at = np.array([physics.north(), physics.east(), physics.depth(), physics.heading()])
+        error = np.append(wanted.position, wanted.heading) - at
+        error[3] = wrap_angle(error[3])
+        speed = np.zeros(3) if wanted.velocity is None else wanted.velocity
+        rates = physics.rates()
+        rate_error = np.append(speed - physics.velocity_over_ground(), -rates[2])
+        near = np.abs(error) < 1.5  # m, rad: an approach does not wind it up
+        self._integral += np.where(near, error, 0.0) * self.damping * task.period
+        push = kp * error + ki * self._integral + self.damping * kd * rate_error
+        roll, pitch = physics.roll(), physics.pitch()
+        stiff, _, damped = task.vehicle.station_pid[9:]
+        level = -stiff * np.array([roll, pitch]) - self.damping * damped * rates[:2]
+        body = euler_to_matrix(roll, pitch, physics.heading()).T
+        down, across = body @ [0.0, 0.0, push[2]], body @ [push[0], push[1], 0.0]
+        gains = np.zeros(GAINS)
+        thruster_gains(task.vehicle, gains)
+        share_wrench(gains, *down, *level, push[3], *across, command)
 
     def _trim(self, pitch: float, net_mass: float) -> tuple[Array, float]:
         """Positions that hold the steady motion, and the factor of the heading loop in it.

@@ -71,6 +71,10 @@ class Reference:
     """[rad] Heading; None: any."""
     net_mass: float
     """[kg] Net buoyancy mass, positive = heavy."""
+    position: Array | None = None
+    """[m] North, east and depth of a pose that thrusters hold; None: no pose."""
+    velocity: Array | None = None
+    """[m/s] Velocity of that pose, NED; None: it stands."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

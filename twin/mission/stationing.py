@@ -117,6 +117,10 @@ def _push(gains, first_x, first_y, first_z, k, m, n, x, y, z, command):
             command[part] = _command(gains, first, thrust)
 
 
+share_wrench = _push
+"""Share a wrench among the thrusters, for pilots in Python."""
+
+
 @borrowing
 def hold_pose(
     row, gains, state, wanted, depth, roll, pitch, heading, p, q, r, depth_rate, command

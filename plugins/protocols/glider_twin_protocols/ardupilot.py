@@ -30,8 +30,20 @@ PACKETS = {18458: struct.Struct("<HHI16H"), 29569: struct.Struct("<HHI32H")}
 """Layout of a packet by its magic number"""
 PORT = 9002
 """UDP port to which ArduPilot sends its packets"""
-LOW, MIDDLE, HIGH = 1000.0, 1500.0, 2000.0
-"""[us] Pulses for the low end of a part's travel, its rest and the high end"""
+MIDDLE, HIGH = 1500.0, 2000.0
+"""[us] Pulses for a part's rest and the high end of its travel"""
+FULL = 400.0
+"""[us] Pulse from the middle at which ArduSub's mixer asks a thruster for full thrust"""
+_LEVEL = ((0, 0, 1, 0, -1, 1), (0, 0, -1, 0, -1, -1), (0, 0, -1, 0, 1, 1), (0, 0, 1, 0, 1, -1))
+FRAMES = {
+    "vectored": (*_LEVEL, (1, 0, 0, -1, 0, 0), (-1, 0, 0, -1, 0, 0)),
+    "vectored-6dof": (
+        *_LEVEL, (1, -1, 0, -1, 0, 0), (-1, -1, 0, -1, 0, 0), (1, 1, 0, -1, 0, 0),
+        (-1, 1, 0, -1, 0, 0),
+    ),
+}  # fmt: skip
+"""Factors of roll, pitch, yaw, throttle (up), forward and lateral (to starboard) in the output of
+each motor, from motor 1 on: ArduPilot, libraries/AP_Motors/AP_Motors6DOF.cpp, setup_motors"""
 LISTENS = 0.5
 """[s] Longest wait for a packet between checks whether to stop"""
 
@@ -43,6 +55,8 @@ class Channels:
     vehicle: Vehicle
     parts: tuple[str, ...]
     """Names of parts, the first for channel 1."""
+    signs: tuple[float, ...] = ()
+    """Signs of an ArduSub frame's motors along the axes of their thrusters; empty: no frame"""
 
     @classmethod
     def of(cls, vehicle: Vehicle, names: Sequence[str] = ()) -> Channels:
@@ -59,16 +73,50 @@ class Channels:
                 raise InputError(f"channel: the part {name!r} has two channels; give it one")
         return cls(vehicle, tuple(names) or tuple(vehicle.part_names))
 
+    @classmethod
+    def of_frame(cls, vehicle: Vehicle, frame: str) -> Channels:
+        """Channels of an ArduSub frame's motors, with every MOTx_DIRECTION at its default of 1.
+
+        A motor is the thruster whose forces and moments have the signs of the motor's factors,
+        or all of the other signs: its axis is then reversed.
+
+        Raises:
+          InputError: the frame is unknown, or the vehicle's thrusters are not those of the frame.
+        """
+        if frame not in FRAMES:
+            raise InputError(unknown_name("frame", frame, FRAMES))
+        names = [part.name for part in vehicle.parts if part.kind == "thruster"]
+        pushes = []
+        for name in names:
+            axis, place = (np.asarray(getattr(vehicle.part(name), k)) for k in ("axis", "position"))
+            pushes.append([*np.cross(place, axis), -axis[2], axis[0], axis[1]])
+        parts, signs = [], []
+        for k, factors in enumerate(FRAMES[frame], 1):
+            used = np.flatnonzero(factors)
+            ways = np.array(pushes).reshape(-1, 6)[:, used] * np.array(factors)[used]
+            ahead, astern = (ways > 1e-6).all(axis=1), (ways < -1e-6).all(axis=1)
+            found = np.flatnonzero(ahead | astern)
+            if len(found) != 1 or len(names) != len(FRAMES[frame]):
+                raise InputError(
+                    f"frame {frame}: motor {k} of {len(FRAMES[frame])} is no one of the vehicle's "
+                    f"{len(names)} thrusters ({', '.join(names) or 'none'}); give --channels"
+                )
+            parts.append(names[found[0]])
+            signs.append(1.0 if ahead[found[0]] else -1.0)
+        return cls(vehicle, tuple(parts), tuple(signs))
+
     def command(self, pulses: Sequence[int]) -> Command:
-        """Command of part positions: 1500 us is rest, 1000 and 2000 us are the ends of the travel.
-        A pulse of 0 means no pulse, and is rest."""
+        """Command of part positions: 1500 us is rest, 1000 and 2000 us are the ends of the travel;
+        1100 and 1900 us in a frame. A pulse of 0 means no pulse, and is rest."""
         positions = {}
-        for name, pulse in zip(self.parts, pulses, strict=False):
+        half = FULL if self.signs else HIGH - MIDDLE
+        signs = self.signs or (1.0,) * len(self.parts)
+        for name, pulse, sign in zip(self.parts, pulses, signs, strict=False):
             part = self.vehicle.part(name)
             if pulse == 0:
                 positions[name] = part.rest
                 continue
-            way = (min(max(float(pulse), LOW), HIGH) - MIDDLE) / (HIGH - MIDDLE)
+            way = sign * min(max((float(pulse) - MIDDLE) / half, -1.0), 1.0)
             end = part.high if way > 0.0 else part.low
             positions[name] = part.rest + abs(way) * (end - part.rest)
         return Command(**positions)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from twin import SteppedVehicle
 
 LOOPBACK = "127.0.0.1"
-OF_ARDUPILOT = ("channels", "exposed_to")
+OF_ARDUPILOT = ("channels", "frame", "exposed_to")
 OF_ROS2 = ("router", "token_file", "domain", "keys", "rate")
 """Options of one protocol, which are refused with the other"""
 
@@ -31,6 +31,7 @@ class Serve(JsonOption):
     Examples:
 
         twin serve --vehicle remus --channels propeller,rudder,elevator
+        twin serve --vehicle bluerov2 --frame vectored-6dof
         twin serve --vehicle tethys --mavlink udpout:127.0.0.1:14550 --out run.zarr
         twin serve --vehicle remus --protocol ros2 --router tcp/127.0.0.1:7447
     """
@@ -42,6 +43,9 @@ class Serve(JsonOption):
     channels: Annotated[str | None, tyro.conf.arg(metavar="PART[,PART ...]")] = None
     """parts that the servo channels move, from channel 1 on [default: the vehicle's parts in the
     order of its file]; 1500 us is rest, 1000 and 2000 us are the ends of the travel"""
+    frame: Annotated[str | None, tyro.conf.arg(metavar="{vectored,vectored-6dof}")] = None
+    """channels are the motors of this frame of ArduSub, six or eight thrusters, and 1100 and 1900
+    us are full thrust; leave MOTx_DIRECTION at 1"""
     current: str = "none"
     """current, as in `twin simulate`"""
     floor: str = "none"
@@ -133,7 +137,11 @@ class Serve(JsonOption):
         from glider_twin_protocols import ArduPilotServer, Channels
 
         named = [] if self.channels is None else self.channels.split(",")
+        if self.frame is not None and named:
+            raise InputError("--frame has its own channels: leave out --channels")
         channels = Channels.of(flown.vehicle, named)
+        if self.frame is not None:
+            channels = Channels.of_frame(flown.vehicle, self.frame)
         with ArduPilotServer(
             flown, channels, host=self.host, port=9002 if self.port is None else self.port,
             silence=self.silence, telemetry=telemetry, tell=console.note,

@@ -5,6 +5,7 @@ import re
 import socket
 import struct
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,9 +14,11 @@ from logs import refused
 
 import twin
 from glider_twin_protocols import ArduPilotServer, Channels
+from glider_twin_protocols.ardupilot import FRAMES
 from twin import SteppedVehicle
 from twin.errors import InputError
 from twin.mission.controller import Command
+from twin.vehicle.vehicle import parse_vehicle
 
 SECONDS = 1000.0
 QUICK = 100.0
@@ -267,6 +270,55 @@ def test_channels_are_parts():
     rudder = vehicle.part("rudder")
     command = Channels.of(vehicle, ["propeller", "rudder"]).command((0, 2500, 1200))
     assert dict(command) == {"propeller": vehicle.part("propeller").rest, "rudder": rudder.high}
+
+
+ROV = twin.load_vehicle("bluerov2")
+STICKS = ("roll", "pitch", "yaw", "throttle", "forward", "lateral")
+SHOWN = {
+    "roll": "true_roll", "pitch": "true_pitch", "yaw": "true_yaw_rate", "throttle": "true_depth",
+    "forward": "true_surge", "lateral": "true_sway",
+}  # fmt: skip
+
+
+def six():
+    """The ROV with two vertical thrusters in the middle instead of four."""
+    text = ROV.xml
+    for k in (7, 8):
+        text = re.sub(rf'\n.*<(text|numeric|general) name="thruster_{k}[."].*', "", text)
+    for y in (-0.218, 0.218):
+        text = text.replace(f'pos="0.12 {y} -0.01"', f'pos="0 {y} -0.01"')
+    return parse_vehicle(text, Path("six.xml"))
+
+
+@pytest.mark.parametrize(("frame", "vehicle"), [("vectored-6dof", ROV), ("vectored", six())])
+def test_each_stick_of_a_frame_moves_the_rov_its_way(frame, vehicle):
+    channels = Channels.of_frame(vehicle, frame)
+    motors = len(FRAMES[frame])
+    assert channels.parts == tuple(f"thruster_{k}" for k in range(1, motors + 1))
+    start = twin.Start(depth=20.0)
+    for axis, stick in enumerate(STICKS):
+        factors = [row[axis] for row in FRAMES[frame]]
+        if not any(factors):
+            continue
+        for way in (1, -1):
+            given = channels.command([1500 + 100 * way * factor for factor in factors])
+            run = twin.simulate(
+                vehicle=vehicle, duration=1.5, start=start, controller=lambda _, c=given: c
+            )
+            # depth is down, a throttle up; a stick moves its own axis more than it did the others
+            moved = run[SHOWN[stick]][-1] - run[SHOWN[stick]][0]
+            sense = -way if stick == "throttle" else way
+            assert moved * sense > 0.02, (stick, way, moved)
+
+
+def test_a_frame_needs_its_thrusters_and_full_pulses_are_400_us():
+    channels = Channels.of_frame(ROV, "vectored-6dof")
+    assert dict(channels.command([1100] + [1500] * 7))["thruster_1"] == 1.0
+    assert dict(channels.command([2000] + [1500] * 7))["thruster_1"] == -1.0
+    refused("motor 1 of 6 is no one of the vehicle's 8", ROV, "vectored", by=Channels.of_frame)
+    refused("'vector'.*vectored", ROV, "vector", by=Channels.of_frame)
+    remus = twin.load_vehicle("remus")
+    refused("0 thrusters.*--channels", remus, "vectored", by=Channels.of_frame)
 
 
 def test_a_saved_state_goes_on_to_the_same_bits():

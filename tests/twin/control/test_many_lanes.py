@@ -7,7 +7,6 @@ pytest.importorskip("gymnasium", reason="the extra 'gym' is not installed")
 
 import twin
 from twin.control import GliderEnv, GliderVectorEnv
-from twin.control.registry import ALL_TASKS
 from twin.errors import InputError, VehicleError
 from twin.frames import quaternion_to_euler
 from twin.mission.controller import Schedule
@@ -24,7 +23,7 @@ def in_lanes(task, count, **settings):
     return GliderVectorEnv(task, count, engine="lanes", **settings)
 
 
-@pytest.mark.parametrize("task", ALL_TASKS)
+@pytest.mark.parametrize("task", ["hold", "depth", "waypoints", "energy"])
 @pytest.mark.parametrize("settings", [{}, WATER, REAL], ids=["plain", "current", "real"])
 def test_episodes_are_those_of_mujoco(task, settings):
     settings = {

@@ -42,7 +42,7 @@ def compare(task, *, steps, actions_of=None, **settings):
         for i, observation in enumerate(expected):
             for name, value in observation.items():
                 np.testing.assert_allclose(seen[name][i], value, rtol=1e-12, atol=1e-12)
-        actions = rng.uniform(-1.0, 1.0, (3, 3)).astype(np.float32)
+        actions = rng.uniform(-1.0, 1.0, together.action_space.shape).astype(np.float32)
         seen, rewards, terminated, truncated, info = together.step(actions)
         for i, env in enumerate(alone):
             observation, reward, *over = env.step(actions[i])[:4]
@@ -68,6 +68,7 @@ def test_noise_behind_goals_is_the_same_for_many_and_for_one(task):
 @every_task
 @pytest.mark.parametrize("settings", [nothing_beside, everything], ids=["plain", "disturbed"])
 def test_many_vehicles_fly_as_one_does(task, settings):
+    settings = {"control_timestep": 0.5, **settings}  # that of gliders
     assert compare(task, steps=100, time_limit=20.0, **settings) == 6
 
 

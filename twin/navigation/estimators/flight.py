@@ -329,7 +329,7 @@ def glide_deviation(vehicle: Vehicle) -> VelocityDeviation:
 
 def usual_speed(vehicle: Vehicle) -> float:
     """[m/s] Usual horizontal speed of a vehicle through the water."""
-    if vehicle.steered("speed") is not None:
+    if vehicle.steered("speed") is not None or vehicle.holds_pose:
         return vehicle.cruise_speed
     speed, _, angle = _glide(vehicle)
     return speed * math.cos(angle)

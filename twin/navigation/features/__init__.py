@@ -35,4 +35,5 @@ from twin.navigation.features.selection import groups as groups
 from twin.navigation.features.selection import leave_out as leave_out
 from twin.navigation.features.selection import mirror_signs as mirror_signs
 from twin.navigation.features.selection import select_features as select_features
+from twin.navigation.features.selection import without_image as without_image
 from twin.numbers import Array as Array

@@ -191,10 +191,12 @@ INPUT_SETS: dict[str, tuple[str, ...]] = {
         *("attitude", "depth_rate", "depth_rate_slow", "glide_speed", "glide_speed_slow"),
         *("shift", "pump"),
     ),
+    "thrusters": ("attitude", "gyroscope", "accelerometer", "depth_rate", "commands"),
 }
 """Inputs by name. `full` needs gyroscopes and accelerometers; `glider` needs only what every
-glider logs. `glide_speed` is the kinematic speed from the depth rate: with it, ten hours of
-missions train a surge network to a hundredth of the error without it."""
+glider logs. `thrusters` needs commands, and is `full` of a vehicle whose thrusters hold a pose.
+`glide_speed` is the kinematic speed from the depth rate: with it, ten hours of missions train a
+surge network to a hundredth of the error without it."""
 
 DEFAULT_GROUPS = INPUT_SETS["full"]
 """Groups of the default inputs."""
@@ -284,6 +286,12 @@ def select_features(
     if not left:
         raise InputError("no input feature is left; choose more features or mask fewer")
     return tuple(name for name in table if name in left)
+
+
+def without_image(features: Iterable[str], parts: Mapping[str, float | None]) -> tuple[str, ...]:
+    """Features whose part has no mirror image by itself; `parts` as in `mirror_signs`."""
+    odd_by_part = (name for name in features if feature(name).odd is None)
+    return tuple(name for name in odd_by_part if parts.get(name.partition("_")[2]) is None)
 
 
 def mirror_signs(

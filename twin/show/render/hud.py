@@ -255,6 +255,8 @@ def _part(joint: str, value: float, *, fine: bool) -> Readout:
     if turns(joint):
         angle = signed(np.rad2deg(value), 1 if fine else 0)
         return Readout(name, f"{angle}°", "+00.0°" if fine else "+00°")
+    if abs(value) >= 1.0:  # a length in the water, no travel of a battery
+        return Readout(name, f"{plain(value, 1)} m", "00.0 m")
     return Readout(name, f"{signed(1000 * value, 0)} mm", "+00 mm")
 
 

@@ -12,7 +12,7 @@ import twin
 from twin.errors import InputError
 from twin.faults.hull import WingLost
 from twin.show.render import canvas as palette
-from twin.show.render import sea, tags
+from twin.show.render import hud, sea, tags
 from twin.show.render.camera import (
     Frame,
     block_view,
@@ -347,3 +347,8 @@ def test_the_first_tracks_have_not_the_colour_of_the_current():
     for colour in palette.OTHER_TRACKS[:4]:
         assert np.abs(colour - palette.CURRENT).max() > 0.2
     assert len({tuple(colour) for colour in palette.OTHER_TRACKS}) == len(palette.OTHER_TRACKS)
+
+
+def test_a_tethers_length_is_in_metres_and_a_batterys_travel_in_millimetres():
+    assert hud._part("tether", 15.0, fine=False).value == "15.0 m"
+    assert hud._part("shift", -0.0212, fine=False).value.endswith("21 mm")
