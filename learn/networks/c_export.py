@@ -139,6 +139,7 @@ typedef struct {{
 typedef struct {{
     float window[{read.windows}];
     float last[{len(measured)}], age[{len(measured)}]; /* last good values and their ages */
+    float mean_rate[{len(measured)}]; /* per second, of the depth; 0 of other channels */
 {flight_state}{tether_state}    int count;
     int held; /* number of channels whose last good value replaced the sample's */
 {states}
@@ -230,7 +231,8 @@ def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int, period:
     )
     return f"""\
 /* Processes one sample. Returns 1; or 0, without a velocity, until every channel had a good value.
- * A value that is not finite, impossible or out of reach is replaced by the last good value. */
+ * A value that is not finite, impossible or out of reach is replaced by the last good value, a
+ * depth by the last good one carried on by its rate. */
 static inline int glider_step(glider_state *state, const glider_sample *sample,
                               glider_velocity *velocity)
 {{

@@ -19,6 +19,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
+from scipy.special import ndtr, stdtrit
 
 from learn.data.dataset import MissionSequence, Selection
 from learn.data.stores import Stores, each_store
@@ -81,7 +82,7 @@ def training_hulls(stores: Stores, features: Sequence[str], period: float | None
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Familiarity:
-    """Training missions' mean and standard deviation of the flight filter's final CONSTANTS."""
+    """Mean of the flight filter's final CONSTANTS over training missions, and their deviation."""
 
     mean: tuple[float, ...]
     deviation: tuple[float, ...]
@@ -97,10 +98,21 @@ class Familiarity:
         for flight, missions in known:
             found += [ended(flight, one) for one in missions]
             prior = np.maximum(prior, flight.model.prior)
-        ends = np.array(found)
+        return cls.of(np.array(found), prior)
+
+    @classmethod
+    def of(cls, ends: Array, prior: Array) -> Self:
+        """Statistics of hulls' constants (missions, 7), with the filter's prior deviations (7,).
+
+        The deviation is that of another hull's difference from the mean: Student's t of so many
+        missions replaces the normal distribution. Three hulls would else make most others unlike.
+        """
+        count, own = len(ends), prior
+        if count > 1:
+            own = float(stdtrit(count - 1, ndtr(FAR))) / FAR * ends.std(0, ddof=1)
         # identical hulls would give zero: at least a tenth of the filter's prior
-        spread = np.maximum(ends.std(0), 0.1 * prior)
-        return cls(mean=tuple(ends.mean(0).tolist()), deviation=tuple(spread.tolist()))
+        deviation = np.maximum(math.sqrt(1.0 + 1.0 / count) * own, 0.1 * prior)
+        return cls(mean=tuple(ends.mean(0).tolist()), deviation=tuple(deviation.tolist()))
 
     @classmethod
     def read(cls, said: Mapping[str, Any], place: str) -> Self:
