@@ -116,8 +116,7 @@ def evaluate(
       labels: settings that take velocities from a Doppler log. These are compared with networks and
         are the reference of real logs. None: only tracks are compared with the Doppler log, and
         the truth is the reference of real logs.
-      also: ensembles of further networks by method, which read the same channels; of simulated
-        missions alone. `watch` does not see them.
+      also: further networks by method, unseen by `watch`, that read the same simulated channels.
 
     Real logs are scored by `learn.evaluation.log_score`, and the watch receives a `LogReference`.
 

@@ -58,7 +58,7 @@ class Network(nn.Module, abc.ABC):
         super().__init__()
         if config.inputs < 1:
             raise InputError("a network needs at least one input feature; name some features")
-        self.config = config
+        self.config, self.period = config, config.period  # 0 in files of releases up to 0.1.0
 
     @classmethod
     def weights_per_pair(cls, config: NetworkConfig) -> int:
@@ -89,11 +89,6 @@ class Network(nn.Module, abc.ABC):
             f"network {self.config.kind!r} has no C code: give {type(self).__name__} a method "
             f"`c_step`, export to ONNX, or train a kind that has it: {', '.join(able)}"
         )
-
-    @property
-    def period(self) -> float:
-        """[s] Sample period of the training; 0 in files of releases up to 0.1.0."""
-        return self.config.period
 
     def run_missions(self, matrices: Sequence[Floats]) -> list[Floats]:
         """Outputs (time,) of each mission from its inputs (time, inputs), from zero state."""

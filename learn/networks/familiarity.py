@@ -104,8 +104,7 @@ class Familiarity:
     def of(cls, ends: Array, prior: Array) -> Self:
         """Statistics of hulls' constants (missions, 7), with the filter's prior deviations (7,).
 
-        The deviation is that of another hull's difference from the mean: Student's t of so many
-        missions replaces the normal distribution. Three hulls would else make most others unlike.
+        The deviation of another hull from the mean is by Student's t of so many missions.
         """
         count, own = len(ends), prior
         if count > 1:
@@ -147,12 +146,13 @@ class Familiarity:
         """C99 code of `float glider_outside(const glider_state *state)`, the score of `outside`,
         for constants in units of the prior standard deviations `prior` (7,)."""
         return f"""\
-/* Out-of-distribution score of the hull: above 1, it is unlike the hulls of the training. */
+/* Out-of-distribution score: above 1, the hull is unlike those of the training, or a channel was
+ * without a good value for more than 30 s. */
 static inline float glider_outside(const glider_state *state)
 {{
     {table("mean", self.mean / prior)}
     {table("reach", FAR * np.array(self.deviation) / prior)}
-    float most = 0.0f;
+    float most = state->lost;
     for (int i = 0; i < {len(CONSTANTS)}; i++)
         most = gt_most(most, fabsf(state->flight[0][{GUESS} + i] - mean[i]) / reach[i]);
     return most;

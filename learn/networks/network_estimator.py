@@ -137,17 +137,19 @@ class NetworkVelocity(VelocityEstimator):
 
     @property
     def outside(self) -> float | None:
-        """Out-of-distribution score of the hull so far, above 1 if outside; None: unknown."""
+        """Out-of-distribution score, above 1 if the hull so far is unlike the training's, or if a
+        channel was without a good value for long (`ChannelGuard.lost`); None: no hulls are known.
+        """
         if self._flight is None or self._familiar is None:
             return None
         constants = np.array([value for value, _ in self._flight.constants.values()])
-        return self._familiar.outside(constants)[0]
+        return max(self._guard.lost, self._familiar.outside(constants)[0])
 
     @property
     def intervals(self) -> dict[str, float]:
         """[m/s] Half-width of the interval with 68 % of the errors of `surge` and `sway` at the
         last sample (`learn.evaluation.deviation`); infinite without validation."""
-        outside = self.outside
+        outside = max(self._guard.lost, self.outside or 0.0)
         found = {name: widened(known, outside) for name, known in self._known.items()}
         if self._adapted is not None:
             found["surge"] = float(self._adapted.interval(self._known["surge"], *self._mixed))

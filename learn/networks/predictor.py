@@ -49,8 +49,7 @@ class Predictor:
     """Network for one velocity, with its normalisation."""
 
     network: Any
-    """A `Network`, or `PlainAverages` without torch: both have `period`, `run_missions`, `begin`
-    and `step_sample`, of arrays of numpy"""
+    """A `Network`, or without torch `PlainAverages`, whose interface for arrays of numpy is one"""
     normalisation: Normalisation
 
     @property

@@ -104,9 +104,8 @@ class HeldRows:
         return cls(kept, np.concatenate(wanted)[places], owner[places])
 
     def save(self, path: Path) -> None:
-        """Write the rows to a file of numpy."""
-        with path.open("wb") as file:
-            np.savez(file, **dataclasses.asdict(self))
+        """Write the rows to a file of numpy, .npz."""
+        np.savez(path, **vars(self))
 
     @classmethod
     def load(cls, path: Path) -> Self:
@@ -155,8 +154,7 @@ LEAST_GAIN = 0.98
 class HeldMissions:
     """Held-back missions as `HeldRows` of each network, by the flight filter's prior of hulls.
 
-    Tried are the start's own prior and ANY. A narrower one would win on the missions of a recipe
-    of clean hulls, and then lose on a fouled one.
+    Tried are the start's own and ANY: a narrower one wins on clean hulls and loses on fouled ones.
     """
 
     def __init__(self, config: FitConfig, stores: Sequence[str], *, fresh: bool) -> None:

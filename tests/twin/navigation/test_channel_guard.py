@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twin.errors import InputError
-from twin.navigation.channel_guard import MOST_CARRIED_S, ChannelGuard
+from twin.navigation.channel_guard import LOST_S, MOST_CARRIED_S, STEPPED, ChannelGuard
 
 PERIOD, SINKING = 0.5, 0.2
 
@@ -36,6 +36,21 @@ def test_a_dead_gauge_does_not_sink_for_ever():
     for _ in range(1000):
         kept = guard.step({"measured_depth": math.nan, "measured_pitch": -20.0})
     assert kept["measured_depth"] == pytest.approx(last + SINKING * MOST_CARRIED_S, abs=1e-6)
+    assert guard.lost == pytest.approx(1000 * PERIOD / LOST_S)
+    sunk(guard, 1, 1400)
+    assert guard.lost > 10.0  # the values that came back are not believed at once
+    sunk(guard, 2000, 1401)
+    assert guard.lost < 0.01
+
+
+def test_a_depth_that_steps_for_good_is_believed_and_reported():
+    guard = ChannelGuard(("measured_depth", "measured_pitch"), PERIOD)
+    sunk(guard, 400)
+    assert guard.lost == 0.0
+    for _ in range(60):
+        kept = guard.step({"measured_depth": 0.9, "measured_pitch": -20.0})
+    assert kept["measured_depth"] == 0.9
+    assert 1.0 < guard.lost <= STEPPED  # the hold was short
 
 
 def test_a_saved_guard_goes_on_alike():
