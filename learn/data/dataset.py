@@ -124,7 +124,7 @@ class Selection:
 
         Args:
           store: path of a zarr store of the schema.
-          channels: schema names to read, and estimated channels to compute.
+          channels: schema names to read, and estimated channels to compute; none to count samples.
           split: train, validation, test or all.
           limit: most missions, from the first on.
           period: [s] between samples, a multiple of the store's; None takes all samples.
@@ -287,12 +287,6 @@ def pieces(places: Iterable[int], lengths: NDArray[np.int64]) -> Iterator[list[i
         samples += int(lengths[place])
     if group:
         yield group
-
-
-def any_channel(store: str | StorePath) -> tuple[str, ...]:
-    """Name of any channel of the store, for a `Selection` that only counts samples."""
-    with MissionStore(store) as reader:
-        return ("measured_depth",) if "measured_depth" in reader else ("measured_gap",)
 
 
 def open_reader(store: str | StorePath) -> MissionStore:

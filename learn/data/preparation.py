@@ -9,7 +9,7 @@ from typing import Self, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.data.dataset import SPEED, TARGETS, Division, MissionSequence, Selection, any_channel
+from learn.data.dataset import SPEED, TARGETS, Division, MissionSequence, Selection
 from learn.data.labels import LabelConfig, count_labels
 from learn.data.sequences import (
     Mirror,
@@ -132,7 +132,7 @@ def training_lengths(
 
     With held-out rows or a division by samples, both lists are equal. Errors: see `Selection`.
     """
-    with open_stores(store, any_channel(each_store(store)[0]), period=period) as selection:
+    with open_stores(store, (), period=period) as selection:
         places = _candidates(selection, division, held_out)
         if division == "samples" or held_out:
             return selection.lengths[places], selection.lengths[places]

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.data.dataset import SPEED, TARGETS, Division, MissionSequence, Selection, any_channel
+from learn.data.dataset import SPEED, TARGETS, Division, MissionSequence, Selection
 from learn.data.labels import (
     NO_CURRENT,
     STORE_CURRENT,
@@ -216,7 +216,7 @@ def check_window(
     """
     missions: list[tuple[int, int, str | StorePath]] = []
     for store in each_store(stores):
-        with Selection(store, any_channel(store), period=period) as selection:
+        with Selection(store, (), period=period) as selection:
             missions += [
                 (int(length), -int(row), store)
                 for length, row, split in zip(

@@ -80,14 +80,14 @@ def _by_doppler(draw: Callable[[Shown], Drawn]) -> Callable[[Contents], Drawn | 
 
 def _doppler_track(shown: Shown) -> Drawn:
     return track_figure(shown, BESIDE_DVL, ground_lines(shown, BESIDE_DVL)), (
-        f"Tracks over ground without fixes, {shown.label}: the networks' is the one through the "
-        "water, since they do not know the current."
+        f"Tracks over ground, {shown.label}. Networks have one in still water, or between fixes "
+        "with the current of the dive before."
     )
 
 
 def _doppler_errors(shown: Shown) -> Drawn:
     return doppler_error_figure(shown), (
-        f"Position errors over ground without fixes, {shown.label}. The paper had no truth and "
+        f"Position errors over ground, {shown.label}. The paper had no truth and "
         "judged its networks by DVL-aided dead reckoning, whose own error stands beside."
     )
 
