@@ -71,7 +71,9 @@ def evaluate_run(
 
         return watch
 
-    labels = run.labels if run.labels.source == "dvl" else None
+    labels = (
+        run.labels if run.labels.source in (("dvl", "camera") if logged else ("dvl",)) else None
+    )
     common: dict[str, Any] = {"baselines": baselines, "period": run.period, "labels": labels}
     watch = watch_of(own)
     evaluation = evaluate(networks, store, split=split, limit=limit, watch=watch, **common)
