@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,10 +115,8 @@ class Camera(Sensor):
         frames = dataclasses.replace(frames, time=frames.time + drawn["camera_clock"])
         given = np.stack([signals[name] for name in LOGGED], axis=-1).astype(np.float64)
         own = observer(self.observer).velocity
-        found = smooth(
-            np.arange(count) * dt, np.radians(given[:, :3]).astype(np.float64), given[:, 3:], frames,
-            Settings(own=own),
-        )  # fmt: skip
+        time, angles = np.arange(count) * dt, np.radians(given[:, :3])
+        found = smooth(time, angles, given[:, 3:], frames, Settings(own=own))
         return labelled(found.velocity, found.deviation)
 
 

@@ -31,6 +31,10 @@ LEAST_MOTION = 0.05
 """[m] Least deviation of the depth in a video, to join clocks by it"""
 WORST_FIT = 0.3
 """[1] Largest deviation of the depth's difference, relative to the depth's own deviation"""
+WORST_CLOCK = 0.1
+"""[s] Largest deviation of the clocks' difference"""
+TOGETHER = 10
+"""Number of poses in sequence that err alike"""
 COARSE, FINE = 0.1, 0.005
 """[s] Steps of the search for the clocks' difference"""
 AROUND = 41
@@ -64,9 +68,10 @@ def read_markers(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> l
     lens, board = Lens.read(options.camera), Board(side=options.marker_side)
     poses = poses_in(paths[0], lens, board, tally)
     times, attitude, force, depth = _of_log(log, options.log)
-    offset, residual = joined_clocks(poses, times, attitude, depth)
-    fit = f"by the vertical motion, which fits to {100.0 * residual:.1f} cm"
-    tally.add("note", "clocks", 1, f"the video begins at {offset:.2f} s of Unix time {fit}")
+    offset, deviation, misfit = joined_clocks(poses, times, attitude, depth)
+    start = f"the video begins {offset - times[0]:.2f} +- {deviation:.2f} s after the log"
+    fit = f"the depths fit to {100.0 * misfit:.1f} cm"
+    tally.add("note", "clocks", 1, f"by the vertical motion {start}; {fit}")
     at = poses.time + offset
     inside = (at >= times[0]) & (at <= times[-1])
     turn = camera_turn(poses, times, attitude, offset)
@@ -178,8 +183,12 @@ def _of_log(log: DeploymentLog, path: Path) -> tuple[Array, Array, Array, Array]
     return times, attitude, force, on_grid("measured_depth")
 
 
-def joined_clocks(poses: Poses, times: Array, attitude: Array, depth: Array) -> tuple[float, float]:
-    """Time of the log [s] at which the video begins, and the misfit of the depth [m].
+def joined_clocks(
+    poses: Poses, times: Array, attitude: Array, depth: Array
+) -> tuple[float, float, float]:
+    """Time of the log [s] at which the video begins, its deviation [s], and the misfit [m].
+
+    The deviation is that of a shift by least squares, with one of TOGETHER poses independent.
 
     Args:
       times, attitude, depth: of the log, [s], [rad] (n, 3) and [m].
@@ -212,7 +221,14 @@ def joined_clocks(poses: Poses, times: Array, attitude: Array, depth: Array) -> 
             f"the depth in the video fits nowhere in the log (misfit {misfit:.2f} m of "
             f"{motion:.2f} m): is it the log of this dive, and does the camera stand still?"
         )
-    return offset, misfit
+    rate = np.std(np.interp(poses.time + offset, times, np.gradient(depth, times)))
+    deviation = misfit / max(float(rate), 1e-9) / np.sqrt(len(poses.time) / TOGETHER)
+    if deviation > WORST_CLOCK:
+        raise InputError(
+            f"the clocks join to {deviation:.2f} s only, {WORST_CLOCK:g} are needed: the vehicle must "
+            "change its vertical velocity while the camera sees its markers"
+        )
+    return offset, float(deviation), misfit
 
 
 def _misfit(along: Array, at: Array, times: Array, depth: Array) -> float:
