@@ -75,7 +75,9 @@ def evaluate_run(
 
         return watch
 
-    labels = run.labels if run.labels.source == "dvl" else None
+    labels = (
+        run.labels if run.labels.source in (("dvl", "camera") if logged else ("dvl",)) else None
+    )
     common: dict[str, Any] = {"baselines": baselines, "period": run.period, "labels": labels}
     also = {}
     if start is not None:

@@ -335,14 +335,14 @@ Array = NDArray[np.float64]
 
 SPEED = "true_speed"
 """Channel of the speed through the water, which only logs with a Doppler log have."""
-NO_BRIDGE = ("measured_gps", "measured_dvl")
+NO_BRIDGE = ("measured_gps", "measured_dvl", "measured_camera")
 """Prefixes of channels that are not interpolated: a gap means that nothing was measured."""
 
 
 def filled(name: str, values: Array) -> Array:
     """Fill the gaps of a channel by linear interpolation.
 
-    True channels, fixes, Doppler velocities and channels without any value stay unchanged.
+    True channels, fixes, velocities by Doppler or camera, and empty channels stay unchanged.
     """
     if not name.startswith(("measured_", "commanded_")) or name.startswith(NO_BRIDGE):
         return values

@@ -22,7 +22,7 @@ from learn.data.sequences import (
 from learn.data.stores import (
     Stores,
     each_store,
-    no_doppler_labels,
+    no_measured_labels,
     no_truth,
     open_stores,
     parts_of,
@@ -285,9 +285,9 @@ def _in_memory(make: _Maker, ready: Sequence[Sequence3]) -> Sequences:
 
 def _nothing_learned(selection: Selection, task: _Task) -> StoreError:
     """Error for a store in which no mission has a label."""
-    if task.labels.source == "dvl":
+    if task.labels.source != "truth":
         counts = count_labels(selection.each(), task.labels)
-        return no_doppler_labels(selection.store, task.target, counts)
+        return no_measured_labels(selection.store, task.target, counts, task.labels)
     return no_truth(selection.store, task.target)
 
 

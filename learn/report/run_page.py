@@ -139,7 +139,7 @@ def _training_data(contents: Contents) -> Drawn | None:
         return None
     learned = "the velocities to learn in blue"
     if set(LABELS.values()) & set(mission.signals):
-        learned = "the velocities to learn, from the Doppler log, in orange, the truth in pale blue"
+        learned = "the measured velocities to learn in orange, the truth in pale blue"
     return training_figure(mission), (
         f"A training mission ({mission.index}): {learned}, and what was measured."
     )
@@ -352,7 +352,7 @@ def build_log_page(
     )
     judged = sentences(test.evaluation.counts, run.labels)
     page.points([*judged, *run.label_sentences(), *result_tables.verdicts(found)])
-    reference = "the Doppler log" if run.labels.source == "dvl" else "truth"
+    reference = f"the {run.labels.device}" if run.labels.device else "truth"
     if rows := result_tables.velocity_rows(found):
         page.section("Velocities")
         page.table(rows, f"Mean squared errors of the free run against {reference}, where it is.")

@@ -262,10 +262,10 @@ def _check_sources(config: FitConfig, *, elsewhere: bool) -> tuple[str, ...]:
     for store in config.stores:
         load_missions(store, channels, limit=1, period=config.period)
     if config.more_stores:
-        if config.labels.source == "dvl":
+        if config.labels.source != "truth":
             raise InputError(
-                "labels of a Doppler log are learned from one store: leave --labels dvl out, or "
-                "give the stores one by one"
+                f"labels of a {config.labels.device} are learned from one store: leave --labels "
+                f"{config.labels.source} out, or give the stores one by one"
             )
         with open_stores(config.stores, channels, period=config.period):  # raises if incompatible
             pass
