@@ -11,6 +11,7 @@ import re
 
 from twin.errors import InputError
 from twin.vehicle.mjcf import MjcfReader
+from twin.vehicle.plain import without_plain
 from twin.vehicle.presets import asset_path, shipped_files, unknown_vehicle
 from twin.vehicle.vehicle import Vehicle, number_texts, read_vehicle
 
@@ -41,7 +42,7 @@ def vehicle_template(name: str = "glider") -> str:
     if name not in shipped_files():
         raise InputError(unknown_vehicle(name))
     path = asset_path(f"{name}.xml")
-    reader = MjcfReader(path.read_text("utf-8"), path, gather=True)
+    reader = MjcfReader(without_plain(path.read_text("utf-8"), path), path, gather=True)
     source = read_vehicle(reader).source
     text = reader.xml[reader.xml.index("<mujoco") :]
     for pattern in _LEFT_OUT:
