@@ -35,6 +35,7 @@ from twin.navigation.dead_reckoning import (
     water_track,
 )
 from twin.navigation.estimators import open_velocity_estimator
+from twin.navigation.estimators.dvl import WATER
 from twin.vehicle.vehicle import Vehicle
 
 STILL = {"current.speed": "0"}
@@ -203,23 +204,30 @@ def accelerometer(flown: Flown) -> Array:
     return np.asarray(np.einsum("nij,ni->nj", turn, integrate(change, flown.period))[:, :2])
 
 
-def log_over_ground(flown: Flown) -> Array:
-    """Surge and sway [m/s] over ground by the Doppler log, held without lock, (time, 2)."""
+def doppler(flown: Flown) -> Array:
+    """Surge and sway [m/s] by the Doppler log in its lock, held without one, (time, 2)."""
     log = flown.rows("measured_dvl_surge", "measured_dvl_sway")
     good = np.isfinite(log).all(axis=1)
     last = np.maximum.accumulate(np.where(good, np.arange(len(log)), -1))
     return np.where(last[:, None] >= 0, log[last], 0.0)
 
 
-def errors(flown: Flown, said: Array, ground: bool) -> Array:
-    """Mean squared errors of surge and sway, drift in % of the path, and in m/min."""
+def errors(flown: Flown, said: Array, log: bool = False) -> Array:
+    """Mean squared errors of surge and sway, drift in % of the path, and in m/min.
+
+    A Doppler log is judged by the velocity that its lock measures, over ground or through the
+    water, and by the track over ground of the estimator `dvl`.
+    """
     s, truth = flown.signals, flown.rows("true_surge", "true_sway")
     said = said[: len(truth)]
-    track = true_ground_track(s) if ground else true_water_track(s, flown.period)
-    if ground:
-        over = flown.rows(*(f"true_velocity_{n}" for n in ("north", "east", "down")))
-        truth = np.einsum("nij,ni->nj", flown.matrix("true"), over)[:, :2]
+    track = true_water_track(s, flown.period)
     made = water_track(*said.T, s["measured_depth"], AttitudeSeries.of(s), flown.period)
+    if log:
+        over = flown.rows(*(f"true_velocity_{n}" for n in ("north", "east", "down")))
+        over = np.einsum("nij,ni->nj", flown.matrix("true"), over)[:, :2]
+        truth = np.where(s["measured_dvl_mode"][:, None] == WATER, truth, over)
+        found = open_velocity_estimator("dvl", flown.nominal, flown.period).batch(s).ground_track
+        track, made = true_ground_track(s), made * 0.0 if found is None else found
     end, path = np.linalg.norm(made[-1] - track[-1]), true_water_path(s, flown.period)[-1]
     minutes = flown.period * (len(said) - 1) / 60.0
     return np.array([*np.mean((said - truth) ** 2, axis=0), 100.0 * end / path, end / minutes])
@@ -234,7 +242,7 @@ def main(
     for whose in ("nominal", "own"):
         many = [m for _ in NOISES for m in tuning]
         said = ekf(many, [getattr(m, whose) for m in many], np.repeat(NOISES, len(tuning), axis=0))
-        each = [errors(m, one, False)[:2] for m, one in zip(many, said, strict=True)]
+        each = [errors(m, one)[:2] for m, one in zip(many, said, strict=True)]
         mse = np.mean(np.reshape(each, (len(NOISES), -1)), axis=1)
         noises[whose] = NOISES[int(np.argmin(mse))]
     network = open_velocity_estimator(f"network:{run}", tuning[0].nominal, tuning[0].period)
@@ -256,11 +264,11 @@ def main(
             "EKF": ekf(flown, files, ones * noises["nominal"]),
             "EKF, own hull": ekf(flown, own, ones * noises["own"]),
             "accelerometer": map(accelerometer, flown),
-            "Doppler log, over ground": map(log_over_ground, flown),
+            "Doppler log": map(doppler, flown),
         }
         for method, said in methods.items():
             pairs = zip(flown, said, strict=True)
-            each = np.array([errors(m, one, "ground" in method) for m, one in pairs])
+            each = np.array([errors(m, one, "Doppler" in method) for m, one in pairs])
             row: dict[str, Any] = {"missions": f"{len(flown)}, {name}", "method": method}
             for k, label in enumerate(("surge RMSE", "sway RMSE", "drift %", "drift m/min")):
                 one = [each[:, k].mean(), *np.percentile(drawn(each[:, k]), (2.5, 97.5))]

@@ -88,9 +88,10 @@ class Autopilot:
         if physics.time() <= self._before:  # another episode
             self._integral[:] = 0.0
         self._before = physics.time()
-        kp, ki, kd = np.reshape(task.vehicle.station_pid, (4, 3))[[0, 0, 1, 2]].T
+        gains = np.array(task.vehicle.station_pid, float).reshape(4, 3)
+        kp, ki, kd = gains[[0, 0, 1, 2]].T
         at = np.array([physics.north(), physics.east(), physics.depth(), physics.heading()])
-        error = np.append(wanted.position, wanted.heading) - at
+        error = np.array([*np.array(wanted.position), wanted.heading], float) - at
         error[3] = wrap_angle(error[3])
         speed = np.zeros(3) if wanted.velocity is None else wanted.velocity
         rates = physics.rates()
@@ -99,13 +100,13 @@ class Autopilot:
         self._integral += np.where(near, error, 0.0) * self.damping * task.period
         push = kp * error + ki * self._integral + self.damping * kd * rate_error
         roll, pitch = physics.roll(), physics.pitch()
-        stiff, _, damped = task.vehicle.station_pid[9:]
+        stiff, _, damped = gains[3]
         level = -stiff * np.array([roll, pitch]) - self.damping * damped * rates[:2]
         body = euler_to_matrix(roll, pitch, physics.heading()).T
         down, across = body @ [0.0, 0.0, push[2]], body @ [push[0], push[1], 0.0]
-        gains = np.zeros(GAINS)
-        thruster_gains(task.vehicle, gains)
-        share_wrench(gains, *down, *level, push[3], *across, command)
+        table = np.zeros(GAINS)
+        thruster_gains(task.vehicle, table)
+        share_wrench(table, *down, *level, push[3], *across, command)
 
     def _trim(self, pitch: float, net_mass: float) -> tuple[Array, float]:
         """Positions that hold the steady motion, and the factor of the heading loop in it.
