@@ -13,5 +13,6 @@ MARKERS = Importer(
     read="glider_twin_vision.markers_reader:read_markers",
     extra="plugins/vision",
     takes_camera=True,
+    instrument=True,
 )
 """Videos of a vehicle with markers."""

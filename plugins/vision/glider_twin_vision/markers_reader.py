@@ -61,9 +61,9 @@ def read_markers(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> l
       InputError: an option is missing, a file cannot be used, or the two do not fit together.
     """
     if options.camera is None or options.log is None:
-        raise InputError("markers need --camera CALIBRATION and --log LOG of the vehicle")
+        raise InputError(f"{paths[0].name}: markers need --camera CALIBRATION and --log LOG")
     if len(paths) != 1:
-        raise InputError(f"markers are read from one video at a time, not from {len(paths)}")
+        raise InputError(f"{paths[1].name} is a second video: markers are read from one at a time")
     log = _log(options.log, tally)
     lens, board = Lens.read(options.camera), Board(side=options.marker_side)
     poses = poses_in(paths[0], lens, board, tally)
@@ -225,8 +225,8 @@ def joined_clocks(
     deviation = misfit / max(float(rate), 1e-9) / np.sqrt(len(poses.time) / TOGETHER)
     if deviation > WORST_CLOCK:
         raise InputError(
-            f"the clocks join to {deviation:.2f} s only, {WORST_CLOCK:g} are needed: the vehicle must "
-            "change its vertical velocity while the camera sees its markers"
+            f"the clocks join to {deviation:.2f} s only, {WORST_CLOCK:g} are needed: the vehicle "
+            "must change its vertical velocity while the camera sees its markers"
         )
     return offset, float(deviation), misfit
 

@@ -417,7 +417,7 @@ def filmed(tmp_path_factory):
          "--out", "dip.zarr"],
         ["factory", "export", "dip.zarr", "--to", "mcap", "--out", "log"],
         ["twin", "observe", "dip.zarr", "--out", "dip.mp4", "--rate", "5", "--distance", "3",
-         "--seconds", "35"],
+         "--seconds", "28"],
     ):  # fmt: skip
         done = subprocess.run(
             [*run, *words], cwd=folder, capture_output=True, text=True, check=False

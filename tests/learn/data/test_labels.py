@@ -214,7 +214,10 @@ def test_a_current_that_the_store_has_not_is_asked_for():
 # --- A camera
 
 
-def filmed(seen=np.repeat([True, False], [600, 400])):
+SEEN = np.repeat([True, False], [600, 400])
+
+
+def filmed(seen=SEEN):
     """The surveyed dive by a camera without errors, which measures over ground."""
     signals = surveyed(mode=np.ones(len(seen)))
     for name in ("surge", "sway"):
