@@ -115,7 +115,7 @@ class Camera(Sensor):
         frames = dataclasses.replace(frames, time=frames.time + drawn["camera_clock"])
         given = np.stack([signals[name] for name in LOGGED], axis=-1).astype(np.float64)
         own = observer(self.observer).velocity
-        time, angles = np.arange(count) * dt, np.radians(given[:, :3])
+        time, angles = np.arange(count) * dt, given[:, :3] * (math.pi / 180.0)
         found = smooth(time, angles, given[:, 3:], frames, Settings(own=own))
         return labelled(found.velocity, found.deviation)
 

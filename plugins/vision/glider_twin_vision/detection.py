@@ -80,7 +80,7 @@ class Detector:
             last = np.ceil(corners[0].max(axis=0) + 0.5 * side).astype(int)
             part = np.ascontiguousarray(even[first[1] : last[1], first[0] : last[0]])
             again, names, _ = self._fine.detectMarkers(part)
-            same = [] if names is None else np.flatnonzero(names.ravel() == number)
+            same = np.flatnonzero([] if names is None else names.ravel() == number)
             if len(same) and number < len(self._points):
                 found[int(number)] = again[same[0]][0].astype(float) + first - HALF
         return Sight(

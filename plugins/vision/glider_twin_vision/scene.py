@@ -24,7 +24,8 @@ from twin.frames import FLIP
 from twin.show.render import new_context
 
 Array = NDArray[np.float64]
-Pixels, Picture = NDArray[np.uint8], NDArray[np.float32]
+Pixels = NDArray[np.uint8]
+Picture = NDArray[np.float32]
 CONTRAST_LEFT = 0.02
 """[1] Part of a contrast that is left at the range of visibility"""
 COLOURS = np.array([1.5, 1.0, 0.95])
