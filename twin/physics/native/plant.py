@@ -138,6 +138,19 @@ def keep_user(user, force, last):
 
 
 @inline
+def note_sum(force, last):
+    """Note our sum in the world's row, where `keep_user` reads it; return whether it is finite."""
+    total, still = 0.0, True
+    for i in range(6):
+        total, still = total + force[i], still and force[i] == 0.0
+    if still:
+        force[0] = NO_FORCE
+    for i in range(6):
+        last[i] = force[i]
+    return math.isfinite(total)
+
+
+@inline
 def fail(state, time):
     """Record the first failure of a run."""
     if state.failed == 0.0:
@@ -346,28 +359,18 @@ def water(model, data):
     fz += fraction * lift
     # Froude-Krylov: the pressure that accelerates the water acts on the volume of the hull
     displaced = fraction * density * total_volume
-    fx += displaced * fluid[0]
-    fy -= displaced * fluid[1]
-    fz -= displaced * fluid[2]
+    fx, fy, fz = fx + displaced * fluid[0], fy - displaced * fluid[1], fz - displaced * fluid[2]
     mx, my, mz = to_world(rotation, l, m, n)
-    mx += arm * lift * rotation[3]
-    my -= arm * lift * rotation[0]
+    mx, my = mx + arm * lift * rotation[3], my - arm * lift * rotation[0]
     centre = array(field(table, data, at.D_XIPOS) + 24 * hull, 3)
     ox, oy, oz = centre[0] - position[0], centre[1] - position[1], centre[2] - position[2]
     force[0], force[1], force[2] = fx + user[0], fy + user[1], fz + user[2]
     force[3] = mx - (oy * fz - oz * fy) + user[3]
     force[4] = my - (oz * fx - ox * fz) + user[4]
     force[5] = mz - (ox * fy - oy * fx) + user[5]
-    total, still = 0.0, True
-    for i in range(6):
-        total, still = total + force[i], still and force[i] == 0.0
-    if still:
-        force[0] = NO_FORCE
-    for i in range(6):
-        last[i] = force[i]
-
     # MuJoCo would ignore a force that is not finite and go on
-    if not follow_floor(head, model, data, state) or not math.isfinite(total):
+    finite = note_sum(force, last)
+    if not follow_floor(head, model, data, state) or not finite:
         fail(state, time)
     state.current[0], state.current[1], state.current[2] = cn, ce, cd
     state.density = density
