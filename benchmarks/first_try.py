@@ -40,7 +40,7 @@ def store(path: Path, count: int | None, **settings: Any) -> Path:
 
     recipe = make_recipe(hours=HOURS, **settings)
     if count is not None:
-        recipe = longer(recipe, count, seed=recipe.seed, engine="lanes")
+        recipe = longer(recipe, count, seed=recipe.seed)
     generate(recipe, path, resume=True, history="first try")
     return path
 

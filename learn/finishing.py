@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 from learn.data.dataset import TARGETS, MissionSequence, load_missions
 from learn.data.stores import parts_of
 from learn.evaluation.deviation import ErrorModel, fit_error_model
-from learn.evaluation.score import NETWORK, ReferenceVelocity, best_method, summarise_scores
+from learn.evaluation.score import NETWORK, ReferenceVelocity, best_method
 from learn.files import write_sealed
 from learn.networks.familiarity import HELD_TO, MISSIONS, Familiarity, Tether, training_flights
 from learn.report.card import model_card
@@ -29,7 +30,6 @@ from learn.run import (
     REPORT,
     TETHER,
     Run,
-    open_run,
 )
 from learn.run_evaluation import (
     LEAST_JUDGED,
@@ -40,6 +40,7 @@ from learn.run_evaluation import (
     is_log_store,
     judge,
 )
+from twin.errors import StoreError
 from twin.navigation.estimators.base import Estimate
 from twin.navigation.features import GLIDER_PARTS, channels_of
 from twin.navigation.settings import ESTIMATED
@@ -85,7 +86,7 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
     """
     (run.folder / LIST).unlink(missing_ok=True)
     split, others = evaluation_split(run)
-    if set(channels_of(run.features)) & set(ESTIMATED):
+    if set(channels_of(run.features)) & set(ESTIMATED) and not _knows_hulls(run):
         say("learning which hulls the training knew")
         run = run.remember(**{FAMILIARITY: dataclasses.asdict(_familiarity(run))})
     if not is_log_store(run.stores[0]):
@@ -94,7 +95,8 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
         run = run.remember(error_model=dataclasses.asdict(model), **tether)
     say(f"evaluating on {split} missions, at most {JUDGED}, with floor and baselines")
     test = evaluate_own(run, split=split, limit=JUDGED, least=LEAST_JUDGED, say=say)
-    test = _beside_start(run, test, split)
+    best, _ = best_method(test.figures)
+    test = dataclasses.replace(test, figures={**test.figures, BEST: best})
     write_sealed(run.folder / EVALUATION, test.figures)
     paper = None if is_log_store(run.stores[0]) else _paper_test(run, say)
     if paper is not None:
@@ -108,25 +110,8 @@ def finish(run: Run, *, history: str = "", say: Say = lambda _: None) -> Run:
     return run
 
 
-BEFORE, BEST = "before", "best"
-"""Entries of an evaluation: figures of the networks that the training started from; best method"""
-
-
-def _beside_start(run: Run, test: RunEvaluation, split: str) -> RunEvaluation:
-    """Evaluation with BEST and, for a run that started from another, BEFORE on equal missions."""
-    figures = {**test.figures, BEST: best_method(test.figures)[0]}
-    start = run.description["settings"].get("start")
-    if start is not None and len(run.stores) == 1:
-        first = open_run(start)
-        first = first.at(run.period) if first.shipped else first
-        further = sorted(run.folder.glob("judged-*.zarr"))
-        before = evaluate_run(
-            first, run.store, split=split, baselines=(), limit=JUDGED,
-            further=further[0] if further else None,
-        )  # fmt: skip
-        names = (*summarise_scores(()), "missions")
-        figures[BEFORE] = {name: before.figures[name] for name in dict.fromkeys(names)}
-    return dataclasses.replace(test, figures=figures)
+BEST = "best"
+"""Entry of an evaluation: the best method"""
 
 
 def write_page(run: Run, test: RunEvaluation, paper: RunEvaluation | None, *, history: str) -> Path:
@@ -215,6 +200,13 @@ def provenance(run: Run) -> dict[str, object]:
         "started": run.description["created"],
         **{f"version of {name}": value for name, value in run.description["versions"].items()},
     }
+
+
+def _knows_hulls(run: Run) -> bool:
+    """True if the training wrote statistics of the hulls, which held-back missions were part of."""
+    with contextlib.suppress(StoreError):  # damaged: made again
+        return run.description["settings"].get("start") is not None and run.familiar is not None
+    return False
 
 
 def _familiarity(run: Run) -> Familiarity:

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from learn.data.dataset import SPLITS, MissionSequence, Selection, any_channel
+from learn.data.dataset import SPLITS, MissionSequence, Selection
 from learn.data.further import fly_further, longer, recipe_to_fly
 from learn.evaluation.deviation import Coverage, FixConsistency
 from learn.evaluation.evaluation import Evaluation, Watch, evaluate, pooled
-from learn.evaluation.score import NETWORK
+from learn.evaluation.score import NETWORK, summarise_scores
 from learn.networks.familiarity import Familiarity, ended
 from learn.report.contents import RunEvaluation, Showcase
-from learn.run import Run
+from learn.run import Run, open_run
 from twin.cli.console import to_json
 from twin.cli.text_table import counted
 from twin.navigation.estimators.base import Estimate
@@ -31,6 +31,8 @@ from twin.vehicle.vehicle import Vehicle
 
 LEAST_JUDGED = 66
 """Minimum number of missions that judge a run; a mission of 2 h takes 0.5 s of a processor."""
+BEFORE = "before"
+"""Entry of an evaluation: figures of the networks that the training started from"""
 Say = Callable[[str], None]
 
 
@@ -43,6 +45,7 @@ def evaluate_run(
     limit: int | None = None,
     watches: Sequence[Watch] = (),
     further: StorePath | None = None,
+    start: Run | None = None,
 ) -> RunEvaluation:
     """Evaluate a run on a store and keep the missions that a page draws; errors as in `evaluate`.
 
@@ -51,6 +54,7 @@ def evaluate_run(
     Args:
       further: store of `further_missions`, whose missions are all judged together with the split's;
         `watches` do not see them, since their numbers are those of other missions.
+      start: run whose networks are judged on the same missions too, as entry BEFORE.
     """
     with MissionStore(store) as reader:
         vehicle, logged = reader.vehicle, reader.logged
@@ -71,8 +75,16 @@ def evaluate_run(
 
         return watch
 
-    labels = run.labels if run.labels.source == "dvl" else None
+    labels = (
+        run.labels if run.labels.source in (("dvl", "camera") if logged else ("dvl",)) else None
+    )
     common: dict[str, Any] = {"baselines": baselines, "period": run.period, "labels": labels}
+    also = {}
+    if start is not None:
+        start = start.at(run.period) if start.shipped else start
+        if start.spread == run.spread and start.adapted is None:  # they read the same channels
+            also = {BEFORE: start.networks(vehicle)}
+    common["also"] = also
     watch = watch_of(own)
     evaluation = evaluate(networks, store, split=split, limit=limit, watch=watch, **common)
     found: dict[str, Any] = {"run": str(run.folder)}
@@ -82,6 +94,13 @@ def evaluate_run(
         joined = pooled([evaluation, more])
         evaluation = dataclasses.replace(joined, store=evaluation.store, missing=evaluation.missing)
     found |= evaluation.to_json()
+    if also:
+        methods = dict(evaluation.methods)
+        found[BEFORE] = methods.pop(BEFORE).figures
+        evaluation = dataclasses.replace(evaluation, methods=methods)
+    elif start is not None:
+        alone = evaluate_run(start, store, split=split, baselines=(), limit=limit, further=further)
+        found[BEFORE] = {name: alone.figures[name] for name in summarise_scores(())}
     if not logged:
         found["uncertainty"] = coverage.figures()
     if at_fixes is not None:
@@ -108,7 +127,7 @@ def further_missions(
     """
     if split == "all" or SETTINGS not in read_attributes(store) or is_log_store(store):
         return None
-    with Selection(store, any_channel(store), split=split) as selection:
+    with Selection(store, (), split=split) as selection:
         own = len(selection)
     if own >= least:
         return None
@@ -130,6 +149,8 @@ def evaluate_own(
 ) -> RunEvaluation:
     """Evaluate a run on all stores that it was trained on; errors as in `evaluate`.
 
+    A run on one store is judged beside the run that it started from.
+
     The numbers are over the missions of all stores; if there are several, `stores` has each one's
     by its path. The missions to draw are the first store's.
 
@@ -137,10 +158,13 @@ def evaluate_own(
       least: least number of missions over all stores, see `further_missions`.
     """
     share = math.ceil(least / len(run.stores))
-    each = []
+    each, origin = [], run.description["settings"].get("start")
+    start = open_run(origin) if origin is not None and len(run.stores) == 1 else None
     for store in run.stores:
         further = further_missions(store, split, run.folder, least=share, say=say)
-        each.append(evaluate_run(run, store, split=split, limit=limit, further=further))
+        each.append(
+            evaluate_run(run, store, split=split, limit=limit, further=further, start=start)
+        )
     if len(each) == 1:
         return each[0]
     everything = pooled([one.evaluation for one in each])
@@ -233,7 +257,7 @@ def evaluation_split(run: Run) -> tuple[str, str]:
         return "all", "all"
     parts = set(SPLITS)
     for store in run.stores:
-        with Selection(store, any_channel(store)) as selection:
+        with Selection(store, ()) as selection:
             parts &= set(selection.splits)
     held_out = [split for split in reversed(SPLITS) if split in parts] or ["all"]
     return held_out[0], held_out[min(1, len(held_out) - 1)]

@@ -6,11 +6,9 @@ python scripts/docs_settings.py grid hover     # some of them
 
 from __future__ import annotations
 
-import ast
 import dataclasses
 import inspect
 import sys
-import textwrap
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -24,6 +22,7 @@ from docs_markdown import escaped, table  # noqa: E402
 from factory.seams import IMPORTERS  # noqa: E402
 from twin.mission import Mission  # noqa: E402
 from twin.seams import CURRENTS, FIGURES, SEGMENTS, SENSORS  # noqa: E402
+from twin.vehicle.mjcf import field_texts  # noqa: E402
 from twin.water.current import axes, velocity_file  # noqa: E402
 
 OWN_FORMS = ("uniform", "profile", "tide", "series")
@@ -100,18 +99,6 @@ def section(name: str, cls: type, settings: dict[str, str], usage: str) -> str:
     ]
     first = " ".join((inspect.getdoc(cls) or "").split("\n\n")[0].split())
     return f"## `{name}`\n\n{usage}\n\n{escaped(first)}\n\n{table(HEAD, rows)}"
-
-
-def field_texts(cls: type) -> dict[str, str]:
-    """Docstring of each field of a dataclass, in one line; those of its bases too."""
-    found: dict[str, str] = {}
-    for one in reversed(cls.__mro__[:-1]):
-        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(one))).body
-        assert isinstance(tree, ast.ClassDef)
-        for field, text in zip(tree.body, tree.body[1:], strict=False):
-            if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr):
-                found[ast.unparse(field.target)] = " ".join(ast.literal_eval(text.value).split())
-    return found
 
 
 def default(cls: Any, name: str) -> str:

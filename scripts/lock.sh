@@ -12,7 +12,7 @@ scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 "$python" -m venv "$scratch/venv"
 "$scratch/venv/bin/python" -m pip install --quiet --disable-pip-version-check \
-    -e '.[dev]' -e plugins/hubs -e plugins/ops -e plugins/pipelines -e 'plugins/protocols[test]' "torch==$torch"
+    -e '.[dev]' -e plugins/hubs -e plugins/ops -e plugins/pipelines -e 'plugins/protocols[test]' -e plugins/vision "torch==$torch"
 
 {
     echo "# Exact versions of everything that \`make setup\` installs. Written by scripts/lock.sh; do not edit."

@@ -41,7 +41,8 @@ trap 'kill $s3 $hub 2>/dev/null || true' EXIT
 echo "setup: installing the pinned dependencies into .venv (some minutes the first time)" >&2
 .venv/bin/python -m pip install --quiet --disable-pip-version-check \
     --constraint constraints.txt --editable '.[dev]' \
-    --editable plugins/hubs --editable plugins/ops --editable plugins/pipelines --editable 'plugins/protocols[test]'
+    --editable plugins/hubs --editable plugins/ops --editable plugins/pipelines --editable 'plugins/protocols[test]' \
+    --editable plugins/vision
 
 # From Python 3.13 on dm-control goes in alone: labmaze, which it asks for, cannot be installed there.
 # pyproject.toml names the rest of what it needs. That labmaze is missing is then the one complaint

@@ -24,50 +24,50 @@ SLACK = 150
 """Lines that a room may have less than its row says before the row is lowered"""
 
 ROOMS = {
-    "benchmarks": (13680, 103887),
+    "benchmarks": (14365, 110270),
     "factory": (1550, 11678),
-    "factory/commands": (995, 5923),
+    "factory/commands": (1016, 5993),
     "factory/exporting": (2136, 12231),
-    "factory/generation": (1831, 10527),
-    "factory/importing": (14031, 102203),
+    "factory/generation": (1831, 10529),
+    "factory/importing": (14053, 102365),
     "factory/samples": (774, 5625),
-    "factory/sampling": (2572, 14742),
-    "learn": (1852, 10295),
-    "learn/commands": (659, 3764),
-    "learn/data": (1693, 9963),
-    "learn/evaluation": (1413, 8871),
-    "learn/networks": (2717, 16355),
-    "learn/report": (1708, 11140),
+    "factory/sampling": (2582, 14786),
+    "learn": (1868, 10395),
+    "learn/commands": (672, 3883),
+    "learn/data": (1738, 10244),
+    "learn/evaluation": (1422, 8955),
+    "learn/networks": (2715, 16399),
+    "learn/report": (1725, 11267),
     "learn/shipped": (129, 823),
-    "learn/training": (2734, 17017),
-    "plugins": (19982, 139852),
-    "scripts": (2449, 17260),
-    "tests": (67815, 593177),
-    "twin": (2359, 12519),
+    "learn/training": (2817, 17739),
+    "plugins": (21917, 154861),
+    "scripts": (2635, 18915),
+    "tests": (69340, 608198),
+    "twin": (2364, 12531),
     "twin/checks": (1318, 8696),
-    "twin/cli": (1328, 8059),
-    "twin/commands": (2218, 12660),
+    "twin/cli": (1330, 8078),
+    "twin/commands": (2228, 12737),
     "twin/compiled": (1267, 7267),
-    "twin/control": (4127, 24587),
+    "twin/control": (4423, 27154),
     "twin/faults": (1215, 6647),
     "twin/fossen": (2501, 18700),
     "twin/identify": (7901, 55637),
     "twin/logs": (3064, 21932),
-    "twin/mission": (5055, 33570),
-    "twin/navigation": (6823, 40262),
-    "twin/physics": (5860, 40353),
-    "twin/records": (4982, 28899),
+    "twin/mission": (5059, 33574),
+    "twin/navigation": (6884, 40641),
+    "twin/physics": (5877, 40492),
+    "twin/records": (5003, 29008),
     "twin/sensors": (3417, 22387),
-    "twin/show": (10221, 63451),
-    "twin/vehicle": (5059, 34266),
+    "twin/show": (10224, 63480),
+    "twin/vehicle": (5238, 35641),
     "twin/water": (4907, 33103),
 }
 """Of a room: most lines of all its text files, docstrings and blank lines included, and most Python
 tokens, so that longer lines win nothing"""
-MODULES = 547
-LONGEST_FUNCTION, USUAL_FUNCTION = 187, 39
+MODULES = 564
+LONGEST_FUNCTION, USUAL_FUNCTION = 197, 39
 """Lines of the longest function of the product, and of the 95th percentile"""
-OWN_IMPORTS = 6.41
+OWN_IMPORTS = 6.29
 """Distinct own modules that a file of the product imports, in the mean; where small modules were
 joined, a file imports more and all files together less"""
 RADIUS = {"factory generate": (87, 841), "learn fit": (184, 1952)}

@@ -372,6 +372,7 @@ def test_the_conda_recipe_asks_for_what_the_wheel_asks_for():
 def test_every_way_to_check_runs_the_same_commands():
     script = (ROOT / ".ci" / "run").read_text()
     wanted = re.findall(r"^make [\w-]+$", script, re.MULTILINE)
+    assert wanted.pop(0) == "make setup"
     assert wanted == ["make lint", "make test-docs", "make test-release", "make test"]
     workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text())
     jobs = workflow["jobs"].values()
@@ -387,6 +388,30 @@ def test_every_way_to_check_runs_the_same_commands():
     assert versions == classified
     hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"][0]["hooks"]
     assert [hook["entry"] for hook in hooks] == ["make lint"]
+
+
+@pytest.mark.parametrize("fails", ["setup", "lint", "test-docs", "test-release", "test", "nothing"])
+def test_the_run_of_all_gates_fails_with_each_of_them(tmp_path, fails):
+    script = tmp_path / ".ci" / "run"
+    script.parent.mkdir()
+    script.write_bytes((ROOT / ".ci" / "run").read_bytes())
+    make = tmp_path / "make"
+    make.write_text(f'#!/bin/sh\necho "said by $1"\n[ "$1" != "{fails}" ]\n')
+    make.chmod(0o755)
+    path = f"{tmp_path}:{os.environ['PATH']}"
+    ran = subprocess.run(
+        ["bash", script], env={**os.environ, "PATH": path}, capture_output=True, text=True
+    )
+    assert (ran.returncode == 0) == (fails == "nothing")
+    lines = ran.stdout.splitlines()
+    if fails in ("test", "nothing"):
+        assert lines == [
+            f"said by {g}" for g in ("setup", "lint", "test-docs", "test-release", "test")
+        ]
+    else:
+        assert f"said by {fails}" in lines
+        assert "said by test" not in lines
+        assert (f"failed: make {fails}" in lines) == (fails != "setup")
 
 
 def test_console_scripts_are_the_three_programs():

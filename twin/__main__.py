@@ -24,6 +24,8 @@ health plugins/ops is something wrong with the vehicle: which fault, since when,
 forecast plugins/ops the next surfacings of a glider: places with ellipses, times, energy
 hindcast plugins/ops forecasts of a deployment's surfacings beside where it surfaced
 route plugins/ops the best ways to a place through a forecast of the current
+markers plugins/vision sheets of markers to print, for a camera that measures a vehicle's velocity
+observe plugins/vision video of a stored mission by a camera that sees such markers
 """.splitlines()
 """Name, place and summary of each command, in the order of the help; see `commands_of`"""
 PROGRAM = Program(

@@ -42,6 +42,10 @@ STEEP = math.radians(11.0)
 """[rad] Least pitch of samples in the fit"""
 SLOWEST = 0.15
 """[m/s] Least speed of a balance; slower ones are at inflections, and are interpolated"""
+SLOW = 0.08
+"""[m/s] Speed below which a drag that falls with speed falls no further"""
+USUAL = 0.27
+"""[m/s] Speed at which a drag that falls with speed has its coefficient"""
 ROUNDS = 40
 
 
@@ -83,19 +87,23 @@ class SteadyModel:
     """[1/rad] Lift slope"""
     induced: float = INDUCED
     """[1/rad2] Induced drag"""
+    fall: float = 0.0
+    """[1] Power of the speed by which the parasite drag coefficient falls"""
 
     def fly(self, log: Any, pitch: Array, density: Array) -> Through:
         """Compute the velocities of one mission."""
         steep = np.abs(pitch)
-        attack = np.zeros_like(pitch)
+        lift = 9.81 * (density * (self.volume + 1e-6 * log.pump) - self.mass)
+        attack, parasite = np.zeros_like(pitch), np.full_like(pitch, self.drag)
         for _ in range(ROUNDS):
             path = np.tan(np.maximum(steep + attack, 0.12))
-            attack = np.minimum((self.drag + self.induced * attack**2) / (self.lift * path), 0.3)
-        path = steep + attack
-        lift = 9.81 * (density * (self.volume + 1e-6 * log.pump) - self.mass)
-        force = 2.0 * np.sign(pitch) * lift * np.sin(path)
-        power = density * AREA * (self.drag + self.induced * attack**2)
-        speed = np.sqrt(np.maximum(force, 0.0) / power)
+            attack = np.minimum((parasite + self.induced * attack**2) / (self.lift * path), 0.3)
+            path = steep + attack
+            force = 2.0 * np.sign(pitch) * lift * np.sin(path)
+            power = density * AREA * (parasite + self.induced * attack**2)
+            speed = np.sqrt(np.maximum(force, 0.0) / power)
+            if self.fall:
+                parasite = self.drag * (np.maximum(speed, SLOW) / USUAL) ** -self.fall
         return Through(speed, speed * np.cos(path), -np.sign(pitch) * speed * np.sin(path))
 
     def bridged(self, log: Any, pitch: Array, density: Array) -> Through:

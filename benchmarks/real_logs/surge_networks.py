@@ -27,7 +27,7 @@ from factory.sampling.recipe import make_recipe
 from learn.data.dataset import thinning_step
 from learn.data.sequences import Normalisation, NormalisationFit, Sequences
 from learn.networks.base import NetworkConfig
-from learn.networks.predictor import Predictor, free_run
+from learn.networks.predictor import Predictor
 from learn.training.optimiser import TrainingConfig
 from learn.training.trainer import Trainer
 from twin.errors import InputError
@@ -201,7 +201,7 @@ def _sequences(dives: Sequence[Samples], scales: Normalisation) -> Sequences:
 def predict(predictor: Predictor, dives: Sequence[Samples]) -> list[Array]:
     """Predict the surge [m/s] of each dive."""
     scales = predictor.normalisation
-    runs = free_run(predictor.network, _sequences(dives, scales).inputs)
+    runs = predictor.network.run_missions(_sequences(dives, scales).inputs)
     return [scales.target_scale * run.astype(float) + scales.target_mean for run in runs]
 
 

@@ -72,6 +72,9 @@ class Generate(EngineOption, JsonOption):
     sensors: str | None = None
     """sensor suite instead of the preset's: ideal, field, field-uncalibrated, field-no-dvl, survey
     or survey-field; +NAME adds a sensor of an installed plugin"""
+    labels: Literal["truth", "camera"] = "truth"
+    """velocities that networks can learn: the truth, or beside it those by a camera that sees
+    markers on the vehicle (plugins/vision)"""
     current: str | None = None
     """one current for all missions instead of sampled ones, as in `twin simulate`, such as
     grid:FILE.nc,lat=49,lon=-16,time=2000-01-05"""
@@ -123,8 +126,17 @@ class Generate(EngineOption, JsonOption):
         """Make deployments of many dives, half of them with a fault."""
         from factory.facade import make_deployments
 
-        for name in ("set", "config", "sensors", "current", "shard", "resume", "scheduler"):
-            if getattr(self, name):
+        for name in (
+            "set",
+            "config",
+            "sensors",
+            "labels",
+            "current",
+            "shard",
+            "resume",
+            "scheduler",
+        ):
+            if getattr(self, name) not in (None, False, (), "truth"):
                 raise InputError(
                     f"--{name} does not go with preset {self.preset}: its deployments are drawn as "
                     "they are, by this machine, whole or not at all"
@@ -180,7 +192,7 @@ class Generate(EngineOption, JsonOption):
         # a resumed store may be nearly complete, and an object storage has no disk that could fill
         if self.hours is not None and not self.resume and isinstance(self.out, Path):
             check_room(self.hours, self.out)
-        names = ("preset", "hours", "seed", "vehicle", "sensors", "current", "engine")
+        names = ("preset", "hours", "seed", "vehicle", "sensors", "labels", "current", "engine")
         given = {name: getattr(self, name) for name in names}
         return make_recipe(changes=read_changes(self.config, self.set), **given)
 

@@ -60,6 +60,12 @@ class ImportLogs(JsonOption):
             "(docs/howto/import_tables.md shows one), or a shipped one by name",
         ),
     ] = None
+    camera: Path | None = None
+    """markers: calibration of the camera, as OpenCV writes it"""
+    log: Path | None = None
+    """markers: log of the vehicle in the video, of any other kind"""
+    marker_side: float | None = None
+    """markers: side of the black squares [m, default: 0.15]"""
     payload: tuple[str, ...] = ()
     """NAME=COLUMN or NAME=COLUMN[UNITS]: store a column as signal measured_NAME, in addition to
     known columns such as oxygen and chlorophyll"""
@@ -89,6 +95,9 @@ class ImportLogs(JsonOption):
             variation_deg=self.variation_deg,
             cache=self.cache,
             mapping=self.mapping,
+            camera=self.camera,
+            log=self.log,
+            marker_side=self.marker_side,
             payload=self.payload,
             doppler=self.doppler,
             keep_going=self.keep_going,

@@ -40,7 +40,7 @@ from twin.records.presence import (
 )
 from twin.records.storage.disk import lock, sweep, sync_tree
 from twin.records.storage.store_path import Files, StorePath, Url, files_at
-from twin.records.storage.whole import take_place
+from twin.records.storage.whole import REPLACE, take_place
 
 DIGITS = 16
 """Number of digits of a recipe's hash in the name of its folder"""
@@ -265,7 +265,7 @@ def check_target(
             raise StoreError(f"{store} is a link to a missing target; choose another --out")
         present = present and not (store.is_dir() and not any(store.iterdir()))
     complete, others = is_complete(store), begun(store)
-    way = "use --overwrite or another --out" if local else "use another --out"
+    way = f"{REPLACE} or another --out" if local else "use another --out"
     if not local and overwrite and (present or others):
         raise StoreError(
             f"{store} is there already, and an object storage cannot replace a store in one step: "

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from factory.importing.gps_fixes import has_fix as has_fix
     from factory.importing.import_run import METADATA as METADATA
     from factory.importing.import_run import import_logs as import_logs
+    from factory.importing.import_run import read_logs as read_logs
     from factory.importing.payload import payload_channels as payload_channels
     from factory.importing.payload import payload_names as payload_names
     from factory.importing.plausibility import DiveRules as DiveRules

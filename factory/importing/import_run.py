@@ -48,6 +48,9 @@ def import_logs(
     variation_deg: float | None = None,
     cache: Path | None = None,
     mapping: Path | str | None = None,
+    camera: Path | None = None,
+    log: Path | None = None,
+    marker_side: float | None = None,
     payload: Sequence[str] = (),
     doppler: Sequence[Path | str] = (),
     keep_going: bool = True,
@@ -64,6 +67,9 @@ def import_logs(
       variation_deg: [degree] magnetic variation, east positive, instead of the log's own.
       cache: folder of a Slocum's cache files [default: beside the logs].
       mapping: meaning of the columns of csv tables: a file, or the name of a shipped mapping.
+      camera: calibration of the camera, as OpenCV writes it, for a video of markers.
+      log: log of the vehicle in the video, of any kind that can be imported.
+      marker_side: [m] black square of the markers [default: 0.15].
       payload: NAME=COLUMN or NAME=COLUMN[UNITS]: each column becomes the signal `measured_NAME`,
         in addition to the known payloads (`factory.importing.payload`).
       doppler: PD0 files, or folders of them, of the Doppler log that the vehicle carried.
@@ -86,9 +92,15 @@ def import_logs(
     if mapping is not None and not importer.takes_mapping:
         takers = ", ".join(one.name for one in IMPORTERS.values() if one.takes_mapping)
         raise InputError(f"{kind} logs have names of their own: leave --mapping out ({takers})")
+    filmed = {"camera": camera, "log": log, "marker_side": marker_side}
+    filmed = {name: value for name, value in filmed.items() if value is not None}
+    if filmed and not importer.takes_camera:
+        option = next(iter(filmed)).replace("_", "-")
+        raise InputError(f"{kind} logs are no videos: leave --{option} out (it is for markers)")
     tally = Tally()
     options = ReadOptions(
-        variation_deg=variation_deg, cache=cache, mapping=mapping, payload=parse_payload(payload)
+        variation_deg=variation_deg, cache=cache, mapping=mapping, payload=parse_payload(payload),
+        **filmed,  # type: ignore[arg-type]
     )  # fmt: skip
     paths, logs = read_logs(
         kind, files, options, tally, keep_going=keep_going, recursive=recursive
@@ -116,6 +128,7 @@ def import_logs(
         ("variation-deg", variation_deg),
         ("cache", cache),
         ("mapping", mapping),
+        *((name.replace("_", "-"), value) for name, value in filmed.items()),
     ):
         command += [] if value is None else [f"--{name}", str(value)]
     command += ["--payload", *payload] if payload else []

@@ -8,7 +8,7 @@ import math
 import platform
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,9 +27,10 @@ from twin.errors import InputError, MissionError, StoreError, TwinError, unknown
 from twin.mission import check_depth
 from twin.physics.mujoco_model import INTEGRATORS, compile_model
 from twin.physics.true_signals import ENGINES, SAMPLE_PERIOD, declare_parts, simulated_signals
+from twin.plugins import installation
 from twin.records import attributes
 from twin.records.schema import HYDROGRAPHY, SCHEMA_VERSION, WITH_FLOOR
-from twin.sensors import SUITE_PRESETS, SensorSuite
+from twin.sensors import SENSORS, SUITE_PRESETS, SensorSuite
 from twin.vehicle.vehicle import Vehicle, load_vehicle, parse_vehicle
 from twin.version import __version__
 
@@ -273,13 +274,15 @@ def read_recipe(document: Mapping[str, Any], *, any_versions: bool = False) -> R
 
 
 def make_recipe(
-    *, vehicle: str = "glider", changes: Mapping[str, str | float] | None = None, **settings: Any
-) -> Recipe:
+    *, vehicle: str = "glider", changes: Mapping[str, str | float] | None = None,
+    labels: str = "truth", **settings: Any,
+) -> Recipe:  # fmt: skip
     """Make a recipe from names.
 
     Args:
       vehicle: shipped name, or the path of an MJCF file.
       changes: replaced distributions, by parameter name.
+      labels: `truth`, or the sensor whose velocities are kept beside it, `camera`.
       settings: other fields of `Recipe`, such as preset and hours.
 
     Raises:
@@ -287,6 +290,13 @@ def make_recipe(
       MissionError: a replaced distribution dives too deep for the vehicle; a preset's own warns.
     """
     recipe = Recipe(vehicle=load_vehicle(vehicle), changes=dict(changes or {}), **settings)
+    if labels != "truth":
+        if labels not in SENSORS:
+            raise InputError(
+                f"labels {labels!r} come with a plugin that is not installed: "
+                f"{installation('plugins/vision')}"
+            )
+        recipe = replace(recipe, sensors=f"{recipe.sensor_preset}+{labels}")
     _check_depths(recipe)
     return recipe
 

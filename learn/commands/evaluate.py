@@ -124,7 +124,7 @@ class Evaluate(JsonOption):
 
 def _count(store: StoreArgument, split: str) -> int:
     """Number of missions to evaluate; errors as in `Selection`."""
-    from learn.data import Selection, any_channel
+    from learn.data import Selection
 
-    with Selection(store, any_channel(store), split=split) as selection:
+    with Selection(store, (), split=split) as selection:
         return len(selection)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -48,19 +48,29 @@ class Velocities(JsonOption):
             check_file(self.out, "--out")
         with ShippedNetworks(self.store) as shipped:
             best, errors = NETWORK, dict[str, float]()
+            found: list[Any] = []
+
+            def keep(reference: Any, estimates: Mapping[str, Any]) -> None:
+                one, said = reference.mission, estimates[NETWORK]
+                found.append(
+                    (one.index, one.period * np.arange(one.samples), said.surge, said.sway)
+                )
+
             if shipped.judged:
-                judged = evaluate(shipped.networks, self.store, split=self.split)
+                judged = evaluate(shipped.networks, self.store, split=self.split, watch=keep)
                 best, errors = best_method(judged.to_json())
-            rows: list[dict[str, Any]] = []
-            found = []
-            for mission, time, surge, sway in shipped.velocities(best, self.split):
-                rows.append({
-                    "mission": mission, "hours": time[-1] / 3600.0,
-                    "mean surge [m/s]": float(np.nanmean(surge)),
-                    "mean sway [m/s]": float(np.nanmean(sway)),
-                })  # fmt: skip
-                found.append((mission, time, surge, sway))
+                if best != NETWORK:
+                    found = list(shipped.baseline(best, self.split))
+            else:
+                found = [(p.mission, p.time, p.surge, p.sway)
+                         for p in shipped.predictions(self.split)]  # fmt: skip
             absent = shipped.absent
+        rows = [
+            {"mission": mission, "hours": time[-1] / 3600.0,
+             "mean surge [m/s]": float(np.nanmean(surge)),
+             "mean sway [m/s]": float(np.nanmean(sway))}
+            for mission, time, surge, sway in found
+        ]  # fmt: skip
         if self.out is not None:
             write_velocities(self.out, found)
         console.answer(method=best, track_error_percent=errors, replaced=absent, missions=rows)

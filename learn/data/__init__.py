@@ -6,6 +6,5 @@ from twin.lazy import attach, places
 
 if TYPE_CHECKING:
     from learn.data.dataset import Selection as Selection
-    from learn.data.dataset import any_channel as any_channel
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

@@ -124,7 +124,7 @@ class Selection:
 
         Args:
           store: path of a zarr store of the schema.
-          channels: schema names to read, and estimated channels to compute.
+          channels: schema names to read, and estimated channels to compute; none to count samples.
           split: train, validation, test or all.
           limit: most missions, from the first on.
           period: [s] between samples, a multiple of the store's; None takes all samples.
@@ -289,12 +289,6 @@ def pieces(places: Iterable[int], lengths: NDArray[np.int64]) -> Iterator[list[i
         yield group
 
 
-def any_channel(store: str | StorePath) -> tuple[str, ...]:
-    """Name of any channel of the store, for a `Selection` that only counts samples."""
-    with MissionStore(store) as reader:
-        return ("measured_depth",) if "measured_depth" in reader else ("measured_gap",)
-
-
 def open_reader(store: str | StorePath) -> MissionStore:
     """Open a store with the reader for its type, simulated or logged.
 
@@ -341,14 +335,14 @@ Array = NDArray[np.float64]
 
 SPEED = "true_speed"
 """Channel of the speed through the water, which only logs with a Doppler log have."""
-NO_BRIDGE = ("measured_gps", "measured_dvl")
+NO_BRIDGE = ("measured_gps", "measured_dvl", "measured_camera")
 """Prefixes of channels that are not interpolated: a gap means that nothing was measured."""
 
 
 def filled(name: str, values: Array) -> Array:
     """Fill the gaps of a channel by linear interpolation.
 
-    True channels, fixes, Doppler velocities and channels without any value stay unchanged.
+    True channels, fixes, velocities by Doppler or camera, and empty channels stay unchanged.
     """
     if not name.startswith(("measured_", "commanded_")) or name.startswith(NO_BRIDGE):
         return values

@@ -35,15 +35,18 @@ def recipe_to_fly(store: str | StorePath, refused: Callable[[str], None]) -> Rec
     return None if PRESETS[recipe.preset].fixed_missions else recipe
 
 
-def longer(recipe: Recipe, count: int, *, seed: int, engine: str | None = None) -> Recipe:
-    """Recipe of at least `count` missions with another seed.
-
-    Args:
-      engine: physics engine, a name in `twin.physics.true_signals.ENGINES`; None: the recipe's.
-    """
+def longer(recipe: Recipe, count: int, *, seed: int) -> Recipe:
+    """Recipe of at least `count` missions with another seed, by the batched engine if it can."""
     more, hours = recipe, count * recipe.plan.hours / len(recipe.plan)
+    engine = "lanes"
     while more is recipe or len(more.plan) < count:  # durations are sampled
-        more = dataclasses.replace(recipe, seed=seed, hours=hours, engine=engine or recipe.engine)
+        try:
+            more = dataclasses.replace(recipe, seed=seed, hours=hours, engine=engine)
+        except TwinError:  # a vehicle that the batched engine cannot fly
+            if engine == recipe.engine:
+                raise
+            engine = recipe.engine
+            continue
         hours *= 1.05
     return more
 

@@ -1,9 +1,10 @@
 """Labels: the velocities through the water that networks are trained on.
 
 In a simulated store the truth is known and is the default label. A real vehicle has at best a DVL,
-which measures the velocity through the water in water lock, and over ground in bottom lock. A known
-current (from a profiler or mooring nearby, or zero in a basin) turns a velocity over ground into a
-label. Samples without a label do not train.
+which measures the velocity through the water in water lock, and over ground in bottom lock; or a
+camera beside it sees markers on it, and their poses give the velocity over ground. A known current
+(from a profiler or mooring nearby, or zero in a basin) turns a velocity over ground into a label.
+Samples without a label do not train.
 """
 
 from __future__ import annotations
@@ -32,9 +33,12 @@ from twin.navigation.estimators.dvl import (
 
 Array = NDArray[np.float64]
 
-Source = Literal["truth", "dvl"]
+Source = Literal["truth", "dvl", "camera"]
 SOURCES: tuple[Source, ...] = get_args(Source)
 MODE = "measured_dvl_mode"
+DEVICES = {"dvl": "Doppler log", "camera": "camera"}
+"""Instrument of each source but the truth, in words"""
+CAMERA = {target: f"measured_camera_{target}" for target in TARGETS}
 VELOCITIES = {target: f"measured_dvl_{target}" for target in TARGETS}
 ATTITUDE = ("measured_roll", "measured_pitch", "measured_heading")
 STORE_CURRENT = ("true_current_north", "true_current_east")
@@ -51,7 +55,7 @@ class LabelConfig:
     """
 
     source: Source = "truth"
-    """`truth`, or `dvl` for the Doppler log's velocities."""
+    """`truth`, `dvl` for the Doppler log's velocities, or `camera` for those of marker poses."""
     known_current: str = NO_CURRENT
     """Current to subtract from bottom track: `none`, so that bottom track is no label; `store`, the
     store's current at the vehicle; or NORTH,EAST [m/s] of a steady current."""
@@ -67,6 +71,16 @@ class LabelConfig:
                 raise InputError(unknown_name(what, given, allowed))
         if self.known_current not in (NO_CURRENT, FROM_STORE):
             self._steady()
+        if self.source == "camera" and self.known_current == NO_CURRENT:
+            raise InputError(
+                "a camera measures velocities over ground: give --known-current "
+                f"{CURRENT_WORDS.removeprefix(NO_CURRENT + ', ')}"
+            )
+
+    @property
+    def device(self) -> str:
+        """Instrument that measured the labels, in words; empty for the truth."""
+        return DEVICES.get(self.source, "")
 
     def _steady(self) -> tuple[float, float]:
         """[m/s] North and east component of a current given as NORTH,EAST."""
@@ -85,6 +99,8 @@ class LabelConfig:
         if self.source == "truth":
             return tuple(TARGETS.values())
         current = STORE_CURRENT if self.known_current == FROM_STORE else ()
+        if self.source == "camera":
+            return (*CAMERA.values(), *ATTITUDE, *current)
         return (*VELOCITIES.values(), MODE, *ATTITUDE, *current)
 
     def of(self, mission: MissionSequence, target: str) -> NDArray[np.float32]:
@@ -118,12 +134,12 @@ class LabelConfig:
 
 @dataclasses.dataclass(frozen=True)
 class Measured:
-    """Cleaned velocities of one mission's Doppler log, and the lock of each sample."""
+    """Cleaned velocities of one mission's Doppler log or camera, and the lock of each sample."""
 
     velocities: Mapping[str, Array]
     """surge and sway [m/s] through the water, (time,); NaN where there is no label"""
     bottom: Mask
-    """True for samples in bottom lock, (time,)"""
+    """True for samples in bottom lock, or that a camera saw, (time,)"""
     water: Mask
     """True for samples in water lock, (time,)"""
     removed: Mask
@@ -136,16 +152,17 @@ class Measured:
 
 
 def measured(mission: MissionSequence, config: LabelConfig) -> Measured:
-    """Labels of one mission from its Doppler log.
+    """Labels of one mission from its Doppler log, or from a camera.
 
     Water track is a label unchanged. From bottom track, the known current is subtracted, rotated
     into the body frame by the measured attitude. An outlier in surge or sway removes both
-    velocities of the sample, because one bad beam falsifies all axes.
+    velocities of the sample, because one bad beam falsifies all axes. A camera's velocities are
+    over ground, and smoothed already.
 
     Raises:
       StoreError: a channel is missing.
     """
-    log, mode = _log(mission)
+    log, mode = _seen(mission) if config.source == "camera" else _log(mission)
     locked = np.isfinite(log).all(axis=1)
     bottom, water = locked & (mode == BOTTOM), locked & (mode == WATER)
     current = config.current(mission)
@@ -154,6 +171,10 @@ def measured(mission: MissionSequence, config: LabelConfig) -> Measured:
         through = log - _in_body(current, mission)
         log = np.where(bottom[:, None], through, log)
         usable = water | (bottom & np.isfinite(through).all(axis=1))
+    if config.source == "camera":
+        kept = np.where(usable[:, None], log, np.nan)
+        nothing = np.zeros_like(usable)
+        return Measured(dict(zip(CAMERA, kept.T, strict=True)), bottom, water, nothing)
     causal = config.smoothing == "causal"
     removed = outliers(log[:, 0], usable, causal=causal) | outliers(
         log[:, 1], usable, causal=causal
@@ -168,11 +189,23 @@ def measured(mission: MissionSequence, config: LabelConfig) -> Measured:
 
 def _log(mission: MissionSequence) -> tuple[Array, NDArray[np.int64]]:
     """Doppler log's surge and sway [m/s], (time, 2), and its mode, (time,)."""
-    for name in (*VELOCITIES.values(), MODE):
-        if name not in mission.signals:
-            raise StoreError(f"mission {mission.index} has no channel {name}: no Doppler log")
+    _expect(mission, (*VELOCITIES.values(), MODE), "Doppler log")
     log = np.stack([mission.signals[name] for name in VELOCITIES.values()], axis=1)
     return log, np.rint(np.nan_to_num(mission.signals[MODE])).astype(np.int64)
+
+
+def _seen(mission: MissionSequence) -> tuple[Array, NDArray[np.int64]]:
+    """Camera's surge and sway [m/s] over ground, (time, 2), and BOTTOM as mode, (time,)."""
+    _expect(mission, CAMERA.values(), "camera")
+    seen = np.stack([mission.signals[name] for name in CAMERA.values()], axis=1)
+    return seen.astype(np.float64), np.full(mission.samples, BOTTOM, np.int64)
+
+
+def _expect(mission: MissionSequence, names: Iterable[str], device: str) -> None:
+    """Raise StoreError if the mission lacks one of these channels of a device."""
+    for name in names:
+        if name not in mission.signals:
+            raise StoreError(f"mission {mission.index} has no channel {name}: no {device}")
 
 
 def _in_body(current: Array, mission: MissionSequence) -> Array:
@@ -220,6 +253,12 @@ class LabelCounts:
                 f"The current taken off bottom track is {where}: mean speed "
                 f"{self.current_mean:.3f} m/s, highest {self.current_max:.3f} m/s."
             )
+        if config.source == "camera":
+            return [
+                f"Networks learned from a camera, not from the truth: {self.used} of "
+                f"{self.samples} samples ({share['used']:.1f} %) have a label.",
+                current.replace("bottom track", "its velocity over ground"),
+            ]
         return [
             f"Networks learned from the Doppler log, not from the truth: {self.used} of "
             f"{self.samples} samples ({share['used']:.1f} %) have a label; bottom lock in "

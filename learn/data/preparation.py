@@ -9,7 +9,7 @@ from typing import Self, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.data.dataset import SPEED, TARGETS, Division, MissionSequence, Selection, any_channel
+from learn.data.dataset import SPEED, TARGETS, Division, MissionSequence, Selection
 from learn.data.labels import LabelConfig, count_labels
 from learn.data.sequences import (
     Mirror,
@@ -22,7 +22,7 @@ from learn.data.sequences import (
 from learn.data.stores import (
     Stores,
     each_store,
-    no_doppler_labels,
+    no_measured_labels,
     no_truth,
     open_stores,
     parts_of,
@@ -132,7 +132,7 @@ def training_lengths(
 
     With held-out rows or a division by samples, both lists are equal. Errors: see `Selection`.
     """
-    with open_stores(store, any_channel(each_store(store)[0]), period=period) as selection:
+    with open_stores(store, (), period=period) as selection:
         places = _candidates(selection, division, held_out)
         if division == "samples" or held_out:
             return selection.lengths[places], selection.lengths[places]
@@ -285,9 +285,9 @@ def _in_memory(make: _Maker, ready: Sequence[Sequence3]) -> Sequences:
 
 def _nothing_learned(selection: Selection, task: _Task) -> StoreError:
     """Error for a store in which no mission has a label."""
-    if task.labels.source == "dvl":
+    if task.labels.source != "truth":
         counts = count_labels(selection.each(), task.labels)
-        return no_doppler_labels(selection.store, task.target, counts)
+        return no_measured_labels(selection.store, task.target, counts, task.labels)
     return no_truth(selection.store, task.target)
 
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from learn.data.dataset import SPEED, TARGETS, Division, MissionSequence, Selection, any_channel
+from learn.data.dataset import SPEED, TARGETS, Division, MissionSequence, Selection
 from learn.data.labels import (
     NO_CURRENT,
     STORE_CURRENT,
@@ -72,8 +72,15 @@ def input_groups(inputs: str, store: str | StorePath) -> tuple[str, ...]:
     return (*groups, FLIGHT) if flies else groups
 
 
-def no_doppler_labels(store: str | StorePath, target: str, counts: LabelCounts) -> StoreError:
-    """Error for a Doppler log that had no lock, or only bottom lock without a known current."""
+def no_measured_labels(
+    store: str | StorePath, target: str, counts: LabelCounts, labels: LabelConfig
+) -> StoreError:
+    """Error for a camera that saw nothing, or a Doppler log that had no lock, or only bottom
+    lock without a known current."""
+    if labels.source == "camera":
+        return StoreError(
+            f"store {store} has no sample to learn {target} from: its camera saw none"
+        )
     nothing = f"store {store} has no sample to learn {target} from: its Doppler log never had"
     with MissionStore(store) as reader:
         otherwise = "" if reader.logged else "; or learn from the truth with --labels truth"
@@ -152,7 +159,7 @@ def labels_in(
             learned = [k for k in places if selection.splits[k] == "train"]
         if learned and not any(measured(m, labels).usable.any() for m in selection.each(learned)):
             counts = count_labels(selection.each(learned), labels)
-            raise no_doppler_labels(store, " or ".join(TARGETS), counts)
+            raise no_measured_labels(store, " or ".join(TARGETS), counts, labels)
         return count_labels(selection.each(places), labels)
 
 
@@ -216,7 +223,7 @@ def check_window(
     """
     missions: list[tuple[int, int, str | StorePath]] = []
     for store in each_store(stores):
-        with Selection(store, any_channel(store), period=period) as selection:
+        with Selection(store, (), period=period) as selection:
             missions += [
                 (int(length), -int(row), store)
                 for length, row, split in zip(

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from learn.data.dataset import SPEED, Selection, any_channel
+from learn.data.dataset import SPEED, Selection
 from learn.data.labels import LabelConfig
 from learn.evaluation.judged_tracks import DvlComparison, compare, summarise
 from learn.evaluation.log_score import score_logs
@@ -100,6 +101,7 @@ def evaluate(
     watch: Watch | None = None,
     period: float | None = None,
     labels: LabelConfig | None = None,
+    also: Mapping[str, Mapping[str, Ensemble]] = MappingProxyType({}),
 ) -> Evaluation:
     """Evaluate networks, true velocities (`floor`) and baselines on missions of a store.
 
@@ -114,6 +116,7 @@ def evaluate(
       labels: settings that take velocities from a Doppler log. These are compared with networks and
         are the reference of real logs. None: only tracks are compared with the Doppler log, and
         the truth is the reference of real logs.
+      also: further networks by method, unseen by `watch`, that read the same simulated channels.
 
     Real logs are scored by `learn.evaluation.log_score`, and the watch receives a `LogReference`.
 
@@ -146,9 +149,9 @@ def evaluate(
         wanted = [c for c in wanted if c in present or c not in NAVIGATION_CHANNELS]
         wanted += [c for c in (SPEED,) if c in present]
         if split != "all":
-            with Selection(store, any_channel(store), split=split):  # raises if there is no split
+            with Selection(store, (), split=split):  # raises if there is no split
                 pass
-    scores: dict[str, list[MissionScore]] = {NETWORK: [], FLOOR: [], **{n: [] for n in kinds}}
+    scores: dict[str, list[MissionScore]] = {n: [] for n in (NETWORK, FLOOR, *kinds, *also)}
     beside_log: list[DvlComparison] = []
     surge = networks["surge"]
     some: dict[str, Any] = {} if logged else {"split": split, "limit": limit}
@@ -175,7 +178,10 @@ def evaluate(
                 counts=judged.counts,
             )
         for group in selection.groups(GROUP):
-            predictions = {name: ensemble.predict(group) for name, ensemble in networks.items()}
+            predictions, *others = (
+                {name: ensemble.predict(group) for name, ensemble in every.items()}
+                for every in (networks, *also.values())
+            )
             for k, mission in enumerate(group):
                 try:
                     reference = ReferenceVelocity.of(mission)
@@ -191,9 +197,12 @@ def evaluate(
                     raise StoreError(f"store {store}, mission {mission.index}: {error}") from error
                 for name, estimate in estimates.items():
                     scores[name].append(score_mission(reference, estimate))
+                for name, found in zip(also, others, strict=True):
+                    own = network_estimate({n: p[k] for n, p in found.items()})
+                    scores[name].append(score_mission(reference, own))
                 if DVL in estimates:
-                    found = compare(reference, estimates[NETWORK], estimates[DVL], labels)
-                    beside_log += [] if found is None else [found]
+                    beside = compare(reference, estimates[NETWORK], estimates[DVL], labels)
+                    beside_log += [] if beside is None else [beside]
                 if watch is not None:
                     watch(reference, estimates)
     return Evaluation(

@@ -78,7 +78,7 @@ class LogReference:
             "surge": np.asarray(labels.of(mission, "surge"), float),
             # a log with speed alone sets sway to zero for training, which is no reference here
             "sway": np.asarray(labels.of(mission, "sway"), float)
-            if labels.source == "dvl"
+            if labels.device
             else signals.get("true_sway", np.full(mission.samples, np.nan)),
         }
         rate, path = None, math.nan
@@ -261,11 +261,11 @@ def sentences(counts: Mapping[str, Any], labels: LabelConfig) -> list[str]:
         f"{counts['samples_with_truth']} of {counts['samples']} samples, in "
         f"{counts['rows_with_truth']} of {counts['rows']} dives; the others are not scored."
     )
-    if labels.source == "dvl":
+    if labels.device:
         first = [
-            f"Labels and reference are the Doppler log's cleaned velocities, at {known}",
-            "Nothing in these logs is a truth: errors of the Doppler log, and of the current that "
-            "was taken off, are in every figure.",
+            f"Labels and reference are the {labels.device}'s cleaned velocities, at {known}",
+            f"Nothing in these logs is a truth: errors of the {labels.device}, and of the current "
+            "that was taken off, are in every figure.",
         ]
     else:
         first = [f"Truth at {known}"]

@@ -17,15 +17,24 @@ import abc
 import dataclasses
 import itertools
 import math
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from learn.networks.c_step import CStep
 from learn.seams import NETWORKS
 from twin.errors import InputError
 
+Floats = NDArray[np.float32]
+
+SIDE_BY_SIDE = 32
+"""Maximum number of missions run together; missions of 10 000 s take about 0.5 GB."""
+MOST_SAMPLES = 2**20
+"""Maximum number of samples that are run together, so that fewer long missions are."""
 LSTM_WEIGHTS = 8
 """Weights of an LSTM per pair of units: four gates, each from the layer below and from its own. No
 type without delays or taps has more."""
@@ -49,7 +58,7 @@ class Network(nn.Module, abc.ABC):
         super().__init__()
         if config.inputs < 1:
             raise InputError("a network needs at least one input feature; name some features")
-        self.config = config
+        self.config, self.period = config, config.period  # 0 in files of releases up to 0.1.0
 
     @classmethod
     def weights_per_pair(cls, config: NetworkConfig) -> int:
@@ -81,6 +90,31 @@ class Network(nn.Module, abc.ABC):
             f"`c_step`, export to ONNX, or train a kind that has it: {', '.join(able)}"
         )
 
+    def run_missions(self, matrices: Sequence[Floats]) -> list[Floats]:
+        """Outputs (time,) of each mission from its inputs (time, inputs), from zero state."""
+        results: list[Floats] = [np.empty(0, np.float32)] * len(matrices)
+        device = next(self.parameters()).device
+        self.eval()
+        for group in groups_by_length(np.array([len(matrix) for matrix in matrices])):
+            x = np.zeros((len(matrices[group[0]]), len(group), matrices[0].shape[1]), np.float32)
+            for column, k in enumerate(group):
+                x[: len(matrices[k]), column] = matrices[k]
+            with torch.no_grad():
+                y = self(torch.from_numpy(x).to(device))[0][..., 0].cpu().numpy()
+            for column, k in enumerate(group):
+                results[k] = y[: len(matrices[k]), column].copy()
+        return results
+
+    def begin(self) -> Floats:
+        """State of one sequence before its first sample, (1, state_size)."""
+        return self.initial_state(1).cpu().numpy()
+
+    def step_sample(self, x: Floats, state: Floats) -> tuple[float, Floats]:
+        """Output for one sample (inputs,) of one sequence, and the state after it."""
+        with torch.inference_mode():
+            y, after = self.step(torch.from_numpy(x)[None], torch.from_numpy(state))
+        return float(y[0, 0]), after.numpy()
+
     @classmethod
     def flaw(cls, name: str) -> str:
         """Fault of the class, found by a trial on a few samples; empty if there is none."""
@@ -89,6 +123,17 @@ class Network(nn.Module, abc.ABC):
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(0)
             return _broken_rule(cls(NetworkConfig(kind=name, **TRIED)))
+
+
+def groups_by_length(lengths: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Group missions of similar length to run together, the longest first."""
+    order = np.argsort(-lengths, kind="stable")
+    groups = []
+    while len(order):
+        most = min(SIDE_BY_SIDE, max(1, MOST_SAMPLES // int(lengths[order[0]])))
+        groups.append(order[:most])
+        order = order[most:]
+    return groups
 
 
 def build_network(config: NetworkConfig) -> Network:

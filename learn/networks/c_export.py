@@ -139,6 +139,8 @@ typedef struct {{
 typedef struct {{
     float window[{read.windows}];
     float last[{len(measured)}], age[{len(measured)}]; /* last good values and their ages */
+    float mean_rate[{len(measured)}]; /* per second, of the depth; 0 of other channels */
+    float lost; /* longest time that a channel was replaced, over 30 s; it fades */
 {flight_state}{tether_state}    int count;
     int held; /* number of channels whose last good value replaced the sample's */
 {states}
@@ -193,7 +195,7 @@ def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int, period:
         place = f"estimated[0][{ESTIMATED.index(channel)}]"
         statements = statements.replace(f"sample->{channel}", place)
     said = []
-    wider = "1.0f"
+    wider = "gt_most(1.0f, state->lost)"
     if networks["surge"].familiar is not None:
         wider = "gt_most(1.0f, glider_outside(state))"
     for velocity, ensemble in networks.items():
@@ -230,7 +232,8 @@ def _step(networks: Mapping[str, Ensemble], read: CFeatures, count: int, period:
     )
     return f"""\
 /* Processes one sample. Returns 1; or 0, without a velocity, until every channel had a good value.
- * A value that is not finite, impossible or out of reach is replaced by the last good value. */
+ * A value that is not finite, impossible or out of reach is replaced by the last good value, a
+ * depth by the last good one carried on by its rate. */
 static inline int glider_step(glider_state *state, const glider_sample *sample,
                               glider_velocity *velocity)
 {{

@@ -19,6 +19,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
+from scipy.special import ndtr, stdtrit
 
 from learn.data.dataset import MissionSequence, Selection
 from learn.data.stores import Stores, each_store
@@ -81,7 +82,7 @@ def training_hulls(stores: Stores, features: Sequence[str], period: float | None
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Familiarity:
-    """Training missions' mean and standard deviation of the flight filter's final CONSTANTS."""
+    """Mean of the flight filter's final CONSTANTS over training missions, and their deviation."""
 
     mean: tuple[float, ...]
     deviation: tuple[float, ...]
@@ -97,10 +98,20 @@ class Familiarity:
         for flight, missions in known:
             found += [ended(flight, one) for one in missions]
             prior = np.maximum(prior, flight.model.prior)
-        ends = np.array(found)
+        return cls.of(np.array(found), prior)
+
+    @classmethod
+    def of(cls, ends: Array, prior: Array) -> Self:
+        """Statistics of hulls' constants (missions, 7), with the filter's prior deviations (7,).
+
+        The deviation of another hull from the mean is by Student's t of so many missions.
+        """
+        count, own = len(ends), prior
+        if count > 1:
+            own = float(stdtrit(count - 1, ndtr(FAR))) / FAR * ends.std(0, ddof=1)
         # identical hulls would give zero: at least a tenth of the filter's prior
-        spread = np.maximum(ends.std(0), 0.1 * prior)
-        return cls(mean=tuple(ends.mean(0).tolist()), deviation=tuple(spread.tolist()))
+        deviation = np.maximum(math.sqrt(1.0 + 1.0 / count) * own, 0.1 * prior)
+        return cls(mean=tuple(ends.mean(0).tolist()), deviation=tuple(deviation.tolist()))
 
     @classmethod
     def read(cls, said: Mapping[str, Any], place: str) -> Self:
@@ -135,12 +146,13 @@ class Familiarity:
         """C99 code of `float glider_outside(const glider_state *state)`, the score of `outside`,
         for constants in units of the prior standard deviations `prior` (7,)."""
         return f"""\
-/* Out-of-distribution score of the hull: above 1, it is unlike the hulls of the training. */
+/* Out-of-distribution score: above 1, the hull is unlike those of the training, or a channel was
+ * without a good value for more than 30 s. */
 static inline float glider_outside(const glider_state *state)
 {{
     {table("mean", self.mean / prior)}
     {table("reach", FAR * np.array(self.deviation) / prior)}
-    float most = 0.0f;
+    float most = state->lost;
     for (int i = 0; i < {len(CONSTANTS)}; i++)
         most = gt_most(most, fabsf(state->flight[0][{GUESS} + i] - mean[i]) / reach[i]);
     return most;

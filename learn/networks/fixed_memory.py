@@ -20,6 +20,9 @@ from learn.networks.base import Network, NetworkConfig
 from learn.networks.c_step import CStep, perceptron, transposed
 from twin.errors import InputError
 
+AT_A_TIME = 2**13
+"""Samples that `FixedMemory.read_apart` reads together"""
+
 
 class FixedMemory(Network):
     """Base class of networks with a fixed memory. A subclass writes `recall` and `read`."""
@@ -32,6 +35,11 @@ class FixedMemory(Network):
     def read(self, recalled: Tensor) -> Tensor:
         """Outputs (..., 1) from the memory (..., recalled)."""
 
+    def read_apart(self, recalled: Tensor) -> Tensor:
+        """Outputs as by `read`, from some samples at a time, so that layers stay in the cache."""
+        rows = recalled.reshape(-1, recalled.shape[-1]).split(AT_A_TIME)
+        return torch.cat([self.read(some) for some in rows]).reshape(*recalled.shape[:-1], 1)
+
     def mirrored(self, signs: Tensor) -> Tensor:
         """Signs (recalled,) of the memory in a mission's mirror image, from input signs (inputs,).
 
@@ -43,7 +51,8 @@ class FixedMemory(Network):
         """See `Network.forward`."""
         state = self.initial_state(x.shape[1]) if state is None else state
         recalled, state = self.recall(x, state)
-        return self.read(recalled), state
+        read = self.read if torch.is_grad_enabled() else self.read_apart
+        return read(recalled), state
 
 
 def _perceptron(inputs: int, config: NetworkConfig, unit: type[nn.Module]) -> nn.Sequential:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from learn.networks.familiarity import HELD_TO, widened
-from learn.networks.predictor import Ensemble, Prediction, numbers
+from learn.networks.predictor import Ensemble, Prediction
 from learn.networks.shipped_velocities import predict_shipped
 from learn.run import TARGETS, Run, open_run
 from learn.shipped import MISSING, shipped_run
@@ -137,17 +137,19 @@ class NetworkVelocity(VelocityEstimator):
 
     @property
     def outside(self) -> float | None:
-        """Out-of-distribution score of the hull so far, above 1 if outside; None: unknown."""
+        """Out-of-distribution score, above 1 if the hull so far is unlike the training's, or if a
+        channel was without a good value for long (`ChannelGuard.lost`); None: no hulls are known.
+        """
         if self._flight is None or self._familiar is None:
             return None
         constants = np.array([value for value, _ in self._flight.constants.values()])
-        return self._familiar.outside(constants)[0]
+        return max(self._guard.lost, self._familiar.outside(constants)[0])
 
     @property
     def intervals(self) -> dict[str, float]:
         """[m/s] Half-width of the interval with 68 % of the errors of `surge` and `sway` at the
         last sample (`learn.evaluation.deviation`); infinite without validation."""
-        outside = self.outside
+        outside = max(self._guard.lost, self.outside or 0.0)
         found = {name: widened(known, outside) for name, known in self._known.items()}
         if self._adapted is not None:
             found["surge"] = float(self._adapted.interval(self._known["surge"], *self._mixed))
@@ -168,7 +170,7 @@ class NetworkVelocity(VelocityEstimator):
         self._lasting = 0.0  # see `Tether.step`
         self._mixed = (0.0, 0.0)  # second filter: 1 in a steady glide, surge's std deviation
         self._states = {
-            name: [one.initial_state() for one in members]
+            name: [one.network.begin() for one in members]
             for name, members in self._members.items()
         }
 
@@ -217,7 +219,7 @@ class NetworkVelocity(VelocityEstimator):
             if flight is not None:
                 found |= {prefix + name: value for name, value in flight.state().items()}
         for name, states in self._states.items():
-            found |= {f"{name}-{k}": numbers(one) for k, one in enumerate(states)}
+            found |= {f"{name}-{k}": np.array(one) for k, one in enumerate(states)}
         return found | {"lasting": np.array(self._lasting)}
 
     def restore(self, state: State) -> None:
@@ -233,7 +235,7 @@ class NetworkVelocity(VelocityEstimator):
                     raise InputError(
                         "this state is of other networks: open the run that it was saved of"
                     )
-                states[k] = self._members[name][k].state(saved)
+                states[k] = np.array(saved, np.float32)
         self._lasting = float(state.get("lasting", 0.0))
         self._guard.restore(_below("guard:", state))
         self._features.restore(_below("features:", state))

@@ -57,7 +57,7 @@ def load_weights(path: Path) -> dict[str, Floats]:
 
 
 class PlainAverages:
-    """Network `ema` in numpy, over whole missions (`run`) or sample by sample (`step`)."""
+    """Network `ema` in numpy, over whole missions or sample by sample."""
 
     def __init__(self, config: Mapping[str, Any], weights: Mapping[str, Floats]) -> None:
         """Create the network.
@@ -90,16 +90,16 @@ class PlainAverages:
             found.append((values @ matrix + bias)[:, 0] + rows @ self._straight)
         return np.concatenate(found)
 
-    def run(self, x: Floats) -> Floats:
-        """Normalised outputs (time,) of a mission from normalised inputs (time, inputs)."""
-        return self.read(averages(x, self.period, self.memories))
+    def run_missions(self, matrices: Sequence[Floats]) -> list[Floats]:
+        """Normalised outputs (time,) of each mission from normalised inputs (time, inputs)."""
+        return [self.read(averages(x, self.period, self.memories)) for x in matrices]
 
-    def initial_state(self, batch: int = 1) -> Floats:
+    def begin(self) -> Floats:
         """State before the first sample: NaN (memories, inputs)."""
         return np.full((len(self.memories), len(self._straight) // (1 + len(self.memories))),
                        np.nan, np.float32)  # fmt: skip
 
-    def step(self, x: Floats, state: Floats) -> tuple[float, Floats]:
+    def step_sample(self, x: Floats, state: Floats) -> tuple[float, Floats]:
         """Normalised output for one sample (inputs,), and the state after it."""
         before = np.where(np.isnan(state), x, state)
         state = (x + self._keep * (before - x)).astype(np.float32)

@@ -43,18 +43,13 @@ WEIGHTS = "weights"
 PLACE = "class"
 """Entry of the description: `module:Class` of a network type that is not shipped."""
 
-SIDE_BY_SIDE = 32
-"""Maximum number of missions predicted together; missions of 10 000 s take about 0.5 GB."""
-MOST_SAMPLES = 2**20
-"""Maximum number of samples that are predicted together, so that fewer long missions are."""
-
 
 @dataclasses.dataclass(frozen=True)
 class Predictor:
     """Network for one velocity, with its normalisation."""
 
     network: Any
-    """A `Network`, or `PlainAverages` without torch"""
+    """A `Network`, or without torch `PlainAverages`, whose interface for arrays of numpy is one"""
     normalisation: Normalisation
 
     @property
@@ -79,12 +74,10 @@ class Predictor:
             self.normalisation.inputs(mission.features(self.features)) for mission in missions
         ]
         scale, mean = self.normalisation.target_scale, self.normalisation.target_mean
-        return [scale * values + mean for values in free_run(self.network, matrices)]
+        return [scale * values + mean for values in self.network.run_missions(matrices)]
 
     def _check_period(self, mission: MissionSequence) -> None:
-        # 0 in files of releases up to 0.1.0
-        plain = isinstance(self.network, PlainAverages)
-        trained = self.network.period if plain else self.network.config.period
+        trained = self.network.period
         if trained and not math.isclose(mission.period, trained, rel_tol=1e-3):
             raise StoreError(
                 f"mission {mission.index} has a sample every {mission.period:g} s, and the network "
@@ -92,30 +85,9 @@ class Predictor:
                 f"period={trained:g}"
             )
 
-    def initial_state(self) -> Any:
-        """State before the first sample."""
-        return self.network.initial_state(1)
-
-    def state(self, saved: Any) -> Any:
-        """State from its `numbers`."""
-        found = np.array(saved, np.float32)
-        if isinstance(self.network, PlainAverages):
-            return found
-        import torch
-
-        return torch.from_numpy(found)
-
-    def step(self, values: Floats, state: Any) -> tuple[float, Any]:
+    def step(self, values: Floats, state: Floats) -> tuple[float, Floats]:
         """[m/s] Velocity for one sample of features (features,), and the state after it."""
-        scaled = self.normalisation.inputs(values)
-        if isinstance(self.network, PlainAverages):
-            y, state = self.network.step(scaled, state)
-        else:
-            import torch
-
-            with torch.inference_mode():
-                made, state = self.network.step(torch.from_numpy(scaled)[None], state)
-            y = float(made[0, 0])
+        y, state = self.network.step_sample(self.normalisation.inputs(values), state)
         return self.normalisation.target_scale * y + self.normalisation.target_mean, state
 
     def save(self, stem: Path) -> None:
@@ -128,7 +100,6 @@ class Predictor:
         """
         from safetensors.torch import save
 
-        assert not isinstance(self.network, PlainAverages)
         state = {k: v.detach().cpu().contiguous() for k, v in self.network.state_dict().items()}
         data = save(state)
         with whole_file(stem.with_suffix(".safetensors")) as unnamed:
@@ -142,11 +113,6 @@ class Predictor:
         if place := NETWORKS.place(self.network.config.kind):
             description[PLACE] = place
         write_sealed(stem.with_suffix(".json"), description)
-
-
-def numbers(state: Any) -> Floats:
-    """Copy of a network's state, of torch or numpy, as an array."""
-    return np.array(state if isinstance(state, np.ndarray) else state.cpu().numpy(), np.float32)
 
 
 def load_predictor(stem: Path, *, period: float | None = None, plain: bool = False) -> Predictor:
@@ -234,38 +200,6 @@ def _built(shape: Mapping[str, Any], weights: Path, *, plain: bool) -> Network |
     except SafetensorError as error:
         raise TypeError(str(error)) from error
     return network
-
-
-def free_run(network: Network | PlainAverages, matrices: Sequence[Floats]) -> list[Floats]:
-    """Normalised outputs (time,) for normalised inputs (time, features), from zero state."""
-    if isinstance(network, PlainAverages):
-        return [network.run(matrix) for matrix in matrices]
-    import torch
-
-    results: list[Floats] = [np.empty(0, np.float32)] * len(matrices)
-    device = next(network.parameters()).device
-    network.eval()
-    for group in groups_by_length(np.array([len(matrix) for matrix in matrices])):
-        shape = (len(matrices[group[0]]), len(group), matrices[group[0]].shape[1])
-        x = np.zeros(shape, np.float32)
-        for column, k in enumerate(group):
-            x[: len(matrices[k]), column] = matrices[k]
-        with torch.no_grad():
-            y = network(torch.from_numpy(x).to(device))[0][..., 0].cpu().numpy()
-        for column, k in enumerate(group):
-            results[k] = y[: len(matrices[k]), column].copy()
-    return results
-
-
-def groups_by_length(lengths: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Group missions of similar length to predict together, the longest first."""
-    order = np.argsort(-lengths, kind="stable")
-    groups = []
-    while len(order):
-        most = min(SIDE_BY_SIDE, max(1, MOST_SAMPLES // int(lengths[order[0]])))
-        groups.append(order[:most])
-        order = order[most:]
-    return groups
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

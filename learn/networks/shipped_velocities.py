@@ -21,9 +21,6 @@ from twin.records.reader import MissionStore
 from twin.records.storage.store_path import StorePath
 from twin.records.storage.whole import whole_file
 
-NETWORK = "network"
-"""Name of the networks among the methods of an evaluation"""
-
 
 def predict_shipped(store: str | StorePath, *, split: str = "all") -> list[Prediction]:
     """Predict surge and sway over a store's missions by the shipped networks.
@@ -86,14 +83,8 @@ class ShippedNetworks:
         """True if the store has the truth and all sensors, to judge networks and baselines."""
         return not self._reader.logged and not self.absent
 
-    def velocities(
-        self, method: str, split: str = "all"
-    ) -> Iterator[tuple[int, Array, Array, Array]]:
-        """Mission, time [s], surge and sway [m/s] by NETWORK or a baseline, for each mission."""
-        if method == NETWORK:
-            for one in self.predictions(split):
-                yield one.mission, one.time, one.surge.astype(float), one.sway.astype(float)
-            return
+    def baseline(self, method: str, split: str = "all") -> Iterator[Velocities]:
+        """Velocities of each mission of a split by a baseline."""
         runner = baselines()[method](self.vehicle, self.period)
         with Selection(self._store, runner.needs(self.vehicle), split=split) as selection:
             for mission in selection.each():
@@ -104,12 +95,14 @@ class ShippedNetworks:
                 yield mission.index, time, np.asarray(said.surge), np.asarray(said.sway)
 
 
+Velocities = tuple[int, Array, Array, Array]
+"""Mission, time [s], surge and sway [m/s], (time,) each"""
 LINE = "%d,%.3f,%.5f,%.5f"
 """Mission, time [s], surge and sway [m/s] in a file of velocities"""
 
 
-def write_velocities(path: Path, found: Sequence[tuple[int, Array, Array, Array]]) -> None:
-    """Write mission, time [s], surge and sway [m/s] of `ShippedNetworks.velocities` as CSV.
+def write_velocities(path: Path, found: Sequence[Velocities]) -> None:
+    """Write velocities of missions as CSV.
 
     Raises:
       WriteError: the disk refuses.

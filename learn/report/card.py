@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from learn.data.dataset import SPEED
+from learn.data.labels import DEVICES
 from learn.report.result_tables import summary_rows, verdicts
 from learn.run import MORE_STORES, ORIGIN, TRUTH, Run
 from learn.seams import NETWORKS
@@ -29,7 +30,8 @@ class RunOrigin:
         self._settings: Mapping[str, Any] = description["settings"]
         self._store: Mapping[str, Any] = description["store"]
         self._logs = is_logged(self._store)
-        self._by_doppler = self._settings.get("labels", {}).get("source") == "dvl"
+        source = self._settings.get("labels", {}).get("source", "truth")
+        self._device = DEVICES.get(source, "")
 
     @property
     def row(self) -> str:
@@ -72,8 +74,8 @@ class RunOrigin:
         """Sentence on the units and the reference of the table's numbers."""
         if self._logs:
             known = (
-                "against the Doppler log's cleaned velocities, where it had lock"
-                if self._by_doppler
+                f"against the {self._device}'s cleaned velocities, where it has any"
+                if self._device
                 else "over the samples that have a truth"
             )
             return (
@@ -102,10 +104,10 @@ class RunOrigin:
             "of its own."
         ]
         truth = self._description.get(TRUTH)
-        if self._by_doppler:
+        if self._device:
             found.append(
-                "They learned what the Doppler log measured and are judged by it: its errors, and "
-                "those of the current that was taken off, are in the networks and in the figures."
+                f"They learned what the {self._device} measured and are judged by it: its errors, "
+                "and those of the current that was taken off, are in the networks and figures."
             )
         elif truth is not None and SPEED in truth and "true_surge" not in truth:
             found.append(

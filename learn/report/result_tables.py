@@ -76,7 +76,7 @@ def paper_sentence(paper_test: Figures) -> str:
     )
     return (
         f"The paper's test, nominal vehicle and the store's sensors: MSE {ours} (m/s)². The paper "
-        f"prints {theirs} of its own networks, with ideal sensors."
+        f"prints {theirs} of its own networks, with ideal sensors and the nominal vehicle."
     )
 
 

@@ -80,14 +80,14 @@ def _by_doppler(draw: Callable[[Shown], Drawn]) -> Callable[[Contents], Drawn | 
 
 def _doppler_track(shown: Shown) -> Drawn:
     return track_figure(shown, BESIDE_DVL, ground_lines(shown, BESIDE_DVL)), (
-        f"Tracks over ground without fixes, {shown.label}: the networks' is the one through the "
-        "water, since they do not know the current."
+        f"Tracks over ground, {shown.label}. Networks have one in still water, or between fixes "
+        "with the current of the dive before."
     )
 
 
 def _doppler_errors(shown: Shown) -> Drawn:
     return doppler_error_figure(shown), (
-        f"Position errors over ground without fixes, {shown.label}. The paper had no truth and "
+        f"Position errors over ground, {shown.label}. The paper had no truth and "
         "judged its networks by DVL-aided dead reckoning, whose own error stands beside."
     )
 
@@ -139,7 +139,7 @@ def _training_data(contents: Contents) -> Drawn | None:
         return None
     learned = "the velocities to learn in blue"
     if set(LABELS.values()) & set(mission.signals):
-        learned = "the velocities to learn, from the Doppler log, in orange, the truth in pale blue"
+        learned = "the measured velocities to learn in orange, the truth in pale blue"
     return training_figure(mission), (
         f"A training mission ({mission.index}): {learned}, and what was measured."
     )
@@ -352,7 +352,7 @@ def build_log_page(
     )
     judged = sentences(test.evaluation.counts, run.labels)
     page.points([*judged, *run.label_sentences(), *result_tables.verdicts(found)])
-    reference = "the Doppler log" if run.labels.source == "dvl" else "truth"
+    reference = f"the {run.labels.device}" if run.labels.device else "truth"
     if rows := result_tables.velocity_rows(found):
         page.section("Velocities")
         page.table(rows, f"Mean squared errors of the free run against {reference}, where it is.")

@@ -10,9 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from learn.data.labels import MODE
+from learn.evaluation.judged_tracks import ground_tracks
 from learn.evaluation.score import DVL, FLOOR, NETWORK
 from learn.report.contents import Shown, colour_of, title_of
-from twin.navigation.dead_reckoning import Array
+from twin.navigation.dead_reckoning import Array, horizontal_error
 from twin.navigation.estimators.base import baselines
 from twin.navigation.estimators.dvl import BOTTOM
 from twin.show import style
@@ -64,10 +65,22 @@ def water_lines(shown: Shown, methods: Sequence[str]) -> dict[str, Array]:
 
 
 def ground_lines(shown: Shown, methods: Sequence[str]) -> dict[str, Array]:
-    """[m] Tracks over ground, (time, 2), of the truth and of methods that have one."""
-    lines = {"truth": shown.reference.ground_track}
+    """[m] Tracks over ground, (time, 2), of the truth and of methods that know the current.
+
+    A method that reckons through the water knows it in still water, and between fixes from the dive
+    before. Elsewhere its track over ground would be the one through the water.
+    """
+    reference = shown.reference
+    lines = {"truth": reference.ground_track}
+    drift = horizontal_error(reference.ground_track, reference.water_track)
     for name in methods:
-        track = shown.reference.tracks(shown.estimates[name]).get("ground")
+        estimate = shown.estimates[name]
+        track = reference.tracks(estimate).get("ground")
+        if estimate.ground_track is None and drift.max() > LEAST_DISTANCE_M:
+            signals = reference.mission.signals
+            start = [signals["true_north"][0], signals["true_east"][0]]
+            known = ground_tracks(reference, estimate).get("") if reference.dives else None
+            track = None if known is None else known - start
         if track is not None:
             lines[name] = track
     return lines
@@ -234,6 +247,8 @@ def doppler_error_figure(shown: Shown) -> Figure:
         axes = figure.subplots(1, 3)
         seconds, unit = style.time_unit(shown.time)
         for name, other, label, look in PAIRS:
+            if not {name, other} <= set(lines):
+                continue
             error = lines[name] - lines[other]
             for place, values in zip(axes[:2], error.T, strict=True):
                 time, drawn = style.thin(shown.time / seconds, values)

@@ -293,9 +293,11 @@ def _check_uses(
     for name in learned if config.labels.source == "truth" else ():
         if name != "source":
             raise InputError(
-                f"--{name.replace('_', '-')} is about what a Doppler log measured, and this run "
-                "learns from the truth: leave it out, or give --labels dvl"
+                f"--{name.replace('_', '-')} is about what a Doppler log or camera measured, and "
+                "this run learns from the truth: leave it out, or give --labels dvl or camera"
             )
+    if config.labels.source == "camera" and "smoothing" in learned:
+        raise InputError("a camera's velocities are smoothed already: leave --smoothing out")
     kind = config.network.kind
     for name in sizes:
         if name not in NETWORKS[kind].sizes:

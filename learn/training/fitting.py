@@ -14,8 +14,10 @@ from learn.data.dataset import SPEED, load_missions
 from learn.data.labels import LabelCounts
 from learn.data.preparation import training_lengths
 from learn.data.stores import check_truth, few_labels, few_missions, labels_in, open_stores
+from learn.networks.familiarity import MISSIONS, Familiarity, training_flights
 from learn.run import (
     DESCRIPTION,
+    FAMILIARITY,
     FORMAT,
     LABELS,
     METRICS,
@@ -34,7 +36,7 @@ from learn.run import (
 from learn.run_folder import RunFolder, training_folder
 from learn.seams import NETWORKS, OPTIMISERS
 from learn.training.fit_config import FitConfig, TrainingJob
-from learn.training.held_back import choose_hulls, fly_held_back
+from learn.training.held_back import HeldMissions, fly_held_back
 from learn.training.resources import Resources, choose_residence
 from learn.training.trainer import TrainingReport, pick_device
 from learn.training.workers import Task, train_tasks
@@ -42,7 +44,8 @@ from twin.cli.console import to_json
 from twin.cli.program import interruption
 from twin.errors import InputError, WriteError
 from twin.navigation.features import channels_of
-from twin.navigation.settings import sources
+from twin.navigation.flight_filter import HULLS
+from twin.navigation.settings import ESTIMATED, sources
 from twin.records.attributes import (
     HISTORY,
     HOURS,
@@ -123,19 +126,31 @@ def fit(
         with place:
             repair_metrics(place.folder)
             write_description(place.folder, description)
-            held: tuple[str, ...] = ()
-            if config.start is not None and jobs and config.labels.source == "truth":
-                held = fly_held_back(config, place.folder, say)
-            if held and place.fresh:
-                config = dataclasses.replace(config, hulls=choose_hulls(config, held, say))
-                description["settings"]["hulls"] = config.hulls
-                write_description(place.folder, description)
-                jobs = config.jobs()
-            tasks = [Task(job, place.folder, resident, held) for job in jobs]
+            stores = fly_held_back(config, place.folder, say) if jobs else ()
+            held: dict[str, Path] = {}
+            if stores:
+                missions = HeldMissions(config, stores, fresh=place.fresh)
+                if place.fresh:
+                    config = dataclasses.replace(config, hulls=missions.choose_hulls(say))
+                    description["settings"]["hulls"] = config.hulls
+                    write_description(place.folder, description)
+                    jobs = config.jobs()
+                for job in jobs:
+                    held[job.name] = place.folder / f"held-back-{job.name}.npz"
+                    missions.rows(job.name, config.hulls).save(held[job.name])
+                del missions  # frees its memory before the training
+                if set(channels_of(config.features)) & set(ESTIMATED):
+                    known = training_flights(
+                        (*config.stores, *stores), config.period, HULLS[config.hulls], MISSIONS
+                    )
+                    description[FAMILIARITY] = to_json(Familiarity.fit(known))
+            tasks = [Task(job, place.folder, resident, held.get(job.name)) for job in jobs]
             _train(tasks, place.folder, description, resources, watch)
-            for one in held:
+            for one in stores:
                 shutil.rmtree(one)
                 Path(f"{one}.log").unlink(missing_ok=True)
+            for file in place.folder.glob("held-back-*.npz"):
+                file.unlink()
             description |= {"complete": True, "finished": now()}
             write_description(place.folder, description)
             place.complete()
@@ -247,10 +262,10 @@ def _check_sources(config: FitConfig, *, elsewhere: bool) -> tuple[str, ...]:
     for store in config.stores:
         load_missions(store, channels, limit=1, period=config.period)
     if config.more_stores:
-        if config.labels.source == "dvl":
+        if config.labels.source != "truth":
             raise InputError(
-                "labels of a Doppler log are learned from one store: leave --labels dvl out, or "
-                "give the stores one by one"
+                f"labels of a {config.labels.device} are learned from one store: leave --labels "
+                f"{config.labels.source} out, or give the stores one by one"
             )
         with open_stores(config.stores, channels, period=config.period):  # raises if incompatible
             pass

@@ -15,7 +15,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,14 +26,13 @@ import torch
 from learn.data.dataset import AT_A_TIME
 from learn.data.preparation import prepare, sample_bytes, training_lengths
 from learn.data.sequences import Sequences
-from learn.networks.fixed_memory import FixedMemory
-from learn.networks.predictor import Predictor, groups_by_length
+from learn.networks.base import groups_by_length
+from learn.networks.predictor import Predictor
 from learn.run import open_run, stem
 from learn.run_folder import CHECKPOINT
-from learn.seams import NETWORKS
 from learn.training.feed import recalled_columns
 from learn.training.fit_config import FitConfig, TrainingJob
-from learn.training.held_back import filter_kept, held_sequences
+from learn.training.held_back import HeldRows, filter_kept
 from learn.training.trainer import Trainer, TrainingReport
 from twin.errors import InputError
 from twin.navigation.flight_filter import HULLS
@@ -244,13 +243,13 @@ def train(
     report: Callable[[TrainingReport], None],
     *,
     resident: bool = True,
-    held_back: Sequence[str] = (),
+    held: Path | None = None,
 ) -> TrainingReport | None:
     """Train one network and save it; returns its last report, or None without any validation.
 
     Args:
-      held_back: stores of missions that decide on a training from a start, see
-        `learn.training.held_back`; they replace the validation missions.
+      held: file of `HeldRows` that decide on a training from a start in place of the validation
+        missions.
       resident: keep the training data in memory; if False, read them from the store on each use.
     """
     config = job.config
@@ -276,28 +275,21 @@ def train(
         spread=HULLS[config.hulls],
         resident=resident,
     ) as data:
-        training, validation = data.train, data.validation
-        careful = (
-            bool(held_back)
-            and start is not None
-            and issubclass(NETWORKS[config.network.kind], FixedMemory)
-        )
-        if careful:
-            validation = held_sequences(config, job.target, held_back, data.normalisation)
-            if isinstance(training, Sequences):
-                training = filter_kept(training, data.normalisation)
+        training = data.train
+        if held is not None and isinstance(training, Sequences):
+            training = filter_kept(training, data.normalisation)
         threads = torch.get_num_threads()
         try:
             trained = Trainer(
                 dataclasses.replace(config.network, period=data.period),
                 dataclasses.replace(config.training, seed=job.seed),
                 training,
-                validation,
+                data.validation,
                 target_scale=data.normalisation.target_scale,
                 checkpoint=checkpoint,
                 report=report,
                 start=None if start is None else start.network.state_dict(),
-                careful=careful,
+                held=None if held is None else HeldRows.load(held),
             ).run()
         finally:
             torch.set_num_threads(threads)  # restores the caller's setting

@@ -18,7 +18,7 @@ CHOICES: Mapping[str, Mapping[str, object] | tuple[str, ...]] = {
     "optimiser": OPTIMISERS,
     "division": ("missions", "samples"),
     "device": ("auto", "cpu", "cuda"),
-    "labels": ("truth", "dvl"),
+    "labels": ("truth", "dvl", "camera"),
     "smoothing": ("gaussian", "causal", "none"),
 }
 """Options with a few allowed words; a Literal type would list None among the words."""
@@ -74,11 +74,11 @@ class FitSettings:
     """missions: the store's split; samples: the paper's random 70/15/15, which leaks
     [default: missions]"""
     labels: Annotated[str | None, LABELS] = None
-    """velocities to learn: truth, or dvl for the cleaned velocities of a Doppler log
-    [default: truth]"""
+    """velocities to learn: truth, dvl for the cleaned velocities of a Doppler log, or camera for
+    those of markers (docs/howto/camera.md) [default: truth]"""
     known_current: str | None = None
-    """--labels dvl: current to subtract from bottom track. none: unknown, only water track gives
-    labels; store: the store's current; or NORTH,EAST in m/s, 0,0 in still water
+    """--labels dvl or camera: current to subtract from velocities over ground. none: unknown, only
+    water track gives labels; store: the store's current; or NORTH,EAST in m/s, 0,0 in still water
     [default: none]"""
     smoothing: Annotated[str | None, SMOOTHING] = None
     """--labels dvl: smoothing after outlier removal; causal looks back only [default: gaussian]"""

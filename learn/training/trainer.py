@@ -18,13 +18,12 @@ import torch
 from torch import Tensor
 
 from learn.data.sequences import SequenceSource, ahead
-from learn.networks.base import Network, NetworkConfig, build_network
+from learn.networks.base import Network, NetworkConfig, build_network, groups_by_length
 from learn.networks.fixed_memory import FixedMemory
-from learn.networks.predictor import free_run, groups_by_length
 from learn.seams import OPTIMISERS
 from learn.training.checkpoint import read_checkpoint, write_checkpoint
 from learn.training.feed import Feed, feed_for
-from learn.training.held_back import Held, HeldBack
+from learn.training.held_back import Held, HeldBack, HeldRows
 from learn.training.optimiser import (
     FullBatchOptimiser,
     MinibatchOptimiser,
@@ -94,9 +93,10 @@ class Trainer:
     Sequences are normalised; `target_scale` converts normalised errors to m/s. `start` has initial
     weights instead of random ones. They stay the best until a validation error is lower.
 
-    If `careful`, the validation missions are held back: a change of the weights stays only if
-    neither the error nor the missions' mean error grows. Else the best weights come back, and the
-    steps become smaller, down to none. This needs a start and a network with fixed memory.
+    With `held`, rows of held-back missions decide in place of the validation missions: a change of
+    the weights stays only if neither the error nor the missions' mean error grows. Else the best
+    weights come back, and the steps become smaller, down to none. This needs a network with fixed
+    memory.
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class Trainer:
         checkpoint: Path | None = None,
         report: Callable[[TrainingReport], None] | None = None,
         start: Mapping[str, Tensor] | None = None,
-        careful: bool = False,
+        held: HeldRows | None = None,
     ) -> None:
         if not len(train.lengths):
             raise StoreError("there are no training missions")
@@ -130,9 +130,9 @@ class Trainer:
         self._held: HeldBack | None = None
         self._best_held: Held | None = None
         self.factor, self.refused = 1.0, False
-        if careful and start is not None and validation is not None:
+        if held is not None:
             assert isinstance(self.network, FixedMemory)
-            self._held = HeldBack(self.network, validation.take(range(len(validation.lengths))))
+            self._held = HeldBack(self.network, held)
             self._best_held, self.factor = self._held.judge(), CAREFUL
             self.best = self.variance * self._best_held.mse
         elif start is not None and validation is not None and len(validation.lengths):
@@ -385,7 +385,7 @@ def mean_squared_error(network: Network, source: SequenceSource) -> float:
     errors, weights = np.zeros((2, len(source.lengths)))
     groups = groups_by_length(source.lengths)
     for places, data in zip(groups, ahead(source, groups), strict=True):
-        runs = free_run(network, data.inputs)
+        runs = network.run_missions(data.inputs)
         for k, output, wanted, counted in zip(
             places, runs, data.targets, data.weights, strict=True
         ):

@@ -46,14 +46,12 @@ class Task:
     """Folder of the run"""
     resident: bool
     """True: keep the training data in memory"""
-    held_back: tuple[str, ...] = ()
-    """Stores of held-back missions, see `learn.training.held_back`"""
+    held: Path | None = None
+    """File of `learn.training.held_back.HeldRows`"""
 
     def train(self, report: Callable[[TrainingReport], None]) -> TrainingReport | None:
         """Train the network in this process."""
-        return train(
-            self.job, self.folder, report, resident=self.resident, held_back=self.held_back
-        )
+        return train(self.job, self.folder, report, resident=self.resident, held=self.held)
 
     @property
     def reports(self) -> Path:
@@ -72,8 +70,8 @@ class Task:
             start=None if start is None else str(Path(start).absolute()),
         )
         job = dataclasses.replace(self.job, config=config)
-        held = tuple(str(Path(one).absolute()) for one in self.held_back)
-        return dataclasses.replace(self, job=job, folder=self.folder.absolute(), held_back=held)
+        held = None if self.held is None else self.held.absolute()
+        return dataclasses.replace(self, job=job, folder=self.folder.absolute(), held=held)
 
 
 Kinds = tuple[dict[str, Any], dict[str, Any]]

@@ -36,6 +36,7 @@ HERE = "tests/docs/test_blocks.py"
 RUN = {
     "README.md": {"tests/test_faces.py": 1},
     "docs/gallery.md": {"tests/twin/show/render/test_gallery.py": 7},
+    "docs/howto/camera.md": {"plugins/vision/tests/test_vision.py": 1},
     "docs/howto/cluster.md": {"tests/docs/test_cluster.py": 13},
     "docs/howto/dm_control.md": {
         "tests/twin/control/test_control_tasks.py": 2,
@@ -61,6 +62,7 @@ RUN = {
         "tests/docs/test_front_page.py": 1,
     },
     "docs/howto/pipelines.md": {"plugins/pipelines/tests/test_pipelines.py": 1},
+    "docs/howto/plain_mujoco.md": {"tests/twin/vehicle/test_plain.py": 1},
     "docs/howto/render.md": {
         "tests/twin/show/render/test_gallery.py": 2,
     },

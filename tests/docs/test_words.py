@@ -21,14 +21,14 @@ MOST = 50_000
 SLACK = 300
 """Words that a row may have less than it says before it is lowered"""
 WORDS = {
-    "CHANGELOG.md": 1046,
+    "CHANGELOG.md": 1047,
     "CONTRIBUTING.md": 667,
-    "README.md": 635,
+    "README.md": 628,
     "docs": 1079,
-    "docs/howto": 14408,
+    "docs/howto": 14410,
     "docs/physics": 4798,
     "docs/project": 2550,
-    "docs/reference": 10066,
+    "docs/reference": 10069,
     "docs/results": 10446,
     "docs/tutorials": 3717,
     "examples": 196,

@@ -277,6 +277,8 @@ def describe_error(error: BaseException) -> tuple[str, int]:
         text = f"{error.filename}: {reason}" if error.filename is not None else reason
         wrong = isinstance(error, NAMED_WRONGLY) or error.errno in NO_PLACES
         return text, EXIT_BAD_INPUT if wrong else EXIT_FAILED
+    if isinstance(error, RuntimeError) and "MUJOCO_GL" in str(error):  # raised when mujoco loads
+        return f"{error}; set it to egl, osmesa or glfw, or unset it", EXIT_BAD_INPUT
     hint = f"this is a bug; set {TRACEBACK_VARIABLE}=1 for the traceback and report it"
     return f"{type(error).__name__}: {error} ({hint})", EXIT_FAILED
 

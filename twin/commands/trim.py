@@ -18,17 +18,27 @@ class Vehicles(JsonOption):
     """List the shipped vehicles and their presets: mass, propeller, pump, usual speed, and the
     source of the numbers.
 
-    Example:
+    Examples:
 
         twin vehicles
+        twin vehicles --template > mine.xml
     """
+
+    template: Annotated[tuple[str, ...] | None, tyro.conf.arg(metavar="[NAME]")] = None
+    """print a vehicle file to begin with, from the shipped vehicle NAME (default: glider)"""
 
     def run(self, console: Console) -> int:
         """Print one line for each vehicle, then a summary and the source of each one's numbers."""
         from dataclasses import asdict
 
         from twin.mission import shipped_vehicles
+        from twin.vehicle import vehicle_template
 
+        if self.template is not None:
+            text = vehicle_template(" ".join(self.template) or "glider")
+            console.say(text.rstrip("\n"))
+            console.answer(template=text)
+            return 0
         lines = shipped_vehicles()
         console.table(
             [line.cells() for line in lines],

@@ -7,6 +7,7 @@ a vehicle first, then keyword arguments with defaults, which include `random` an
 
 from __future__ import annotations
 
+import importlib.util
 import inspect
 from collections.abc import Callable
 from typing import Any
@@ -44,9 +45,6 @@ def check_task(name: str, maker: Any) -> Maker:
 TASKS: Registry[Maker] = seams.TASKS
 """Functions that make the tasks, by name."""
 
-register = TASKS.add
-"""Register a task of your own under its function's name; usable as a decorator."""
-
 ALL_TASKS = TASKS.shipped()
 """Names of the tasks that come with the package; `TASKS` also has registered ones."""
 
@@ -71,10 +69,10 @@ def environment_id(task: str) -> str:
 
 
 def register_environments() -> None:
-    """Register every task of the package with Gymnasium, for one vehicle and for many."""
+    """Register every task with Gymnasium, for one vehicle and for many."""
     import gymnasium
 
-    for task in ALL_TASKS:
+    for task in TASKS.names():
         if environment_id(task) not in gymnasium.registry:
             gymnasium.register(
                 environment_id(task),
@@ -82,3 +80,11 @@ def register_environments() -> None:
                 vector_entry_point="twin.control.vector_env:GliderVectorEnv",
                 kwargs={"task": task},
             )
+
+
+def register(maker: Maker) -> Maker:
+    """Register a task of your own by its function's name, in Gymnasium too; raises InputError."""
+    TASKS.add(maker)
+    if importlib.util.find_spec("gymnasium") is not None:
+        register_environments()
+    return maker

@@ -98,6 +98,12 @@ def episode_random(seed: int, episode: int) -> np.random.RandomState:
     return np.random.RandomState(np.random.PCG64(sequence))
 
 
+NEEDED = (
+    ("draw_episode", "initialize_episode"), ("observe_goal", "get_observation"), ("get_reward",)
+)  # fmt: skip
+"""Methods that a task must have, and those of a single vehicle's task in their place."""
+
+
 class GliderTask:
     """Base class of control tasks.
 
@@ -130,8 +136,13 @@ class GliderTask:
         """Take a vehicle and a depth limit [m].
 
         Raises:
-          InputError: `max_depth` is not positive. MissionError: the vehicle cannot cruise.
+          InputError: `max_depth` is not positive, or the task lacks a method of NEEDED.
+          MissionError: the vehicle cannot cruise.
         """
+        kind = type(self)
+        same = {name for name in vars(GliderTask) if getattr(kind, name) is vars(GliderTask)[name]}
+        if lacking := [names[0] for names in NEEDED if same.issuperset(names)]:
+            raise InputError(f"task {kind.__name__} is only half there: write {', '.join(lacking)}")
         if not max_depth > 0:
             raise InputError(f"max_depth {max_depth} m must be positive")
         if not isinstance(normalised, bool):
@@ -283,7 +294,10 @@ class GliderTask:
         return episode
 
     def begin(self, physics: Physics, at: Place, episode: Episode) -> None:
-        """Take over the goal of an episode whose vehicle has been placed."""
+        """Take over a placed vehicle's goal; raises InputError for one that `goals` lacks."""
+        if lacking := ", ".join(episode.goal.keys() - self.goals.keys()):
+            way = "name it in the class with its shape: goals = {NAME: ()}"
+            raise InputError(f"task {type(self).__name__} sets the goal {lacking}: {way}")
         self.put(at, **episode.goal)
 
     def mark(self, physics: Physics) -> None:
@@ -400,8 +414,10 @@ class GliderTask:
         raise NotImplementedError
 
     def reference(self, physics: Physics) -> Reference:
-        """Setpoints of a pilot at this time."""
-        raise NotImplementedError
+        """Setpoints of a pilot at this time; raises InputError for a task without."""
+        raise InputError(
+            f"task {type(self).__name__} has no method reference: no autopilot flies it"
+        )
 
 
 def row(*values: Any) -> Array:
@@ -443,8 +459,12 @@ def with_marker(vehicle: Vehicle, **attributes: Any) -> Vehicle:
 
 
 def place_marker(physics: Physics, north: float, east: float, depth: float) -> None:
-    """Move the site of `with_marker` to a position [m]; call it in a reset or before a step."""
+    """Move the site of `with_marker`, else InputError, to a position [m] in a reset or a step."""
     model, data = physics.mj_model, physics.mj_data
-    marker = model.site(MARKER).id
+    try:
+        marker = model.site(MARKER).id
+    except KeyError as error:
+        way = "make the physics of with_marker(vehicle, type='cylinder', size='40 0.05')"
+        raise InputError(f"the physics has no site {MARKER!r}: {way}") from error
     model.site_pos[marker] = (north, -east, -depth)
     data.site_xpos[marker] = (north, -east, -depth)  # seen before the next step

@@ -118,7 +118,6 @@ def compile_model(
         spec = mujoco.MjSpec.from_string(vehicle.xml)
     except ValueError as error:
         raise VehicleError(f"{label(vehicle)}: {_first_line(error)}") from error
-    _check_free_joint(spec, vehicle)
     spec.option.gravity = [0.0, 0.0, -vehicle.gravity]
     _write_inertia(spec, vehicle)
     _write_parts(spec, vehicle)
@@ -329,16 +328,6 @@ def _is_static(body: mujoco.MjsBody) -> bool:
             return False
         body = body.parent
     return True
-
-
-def _check_free_joint(spec: mujoco.MjSpec, vehicle: Vehicle) -> None:
-    """Require the free joint before compiling: MuJoCo's own error would name a keyframe."""
-    joints = spec.body("hull").joints
-    if not joints or joints[0].type != mujoco.mjtJoint.mjJNT_FREE:
-        raise VehicleError(
-            f"{label(vehicle)}: the free joint 'hull' (<freejoint name=\"hull\"/>) is missing: "
-            "put it first into body 'hull'"
-        )
 
 
 def _check_structure(model: mujoco.MjModel, vehicle: Vehicle) -> None:

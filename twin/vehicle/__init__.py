@@ -11,5 +11,6 @@ if TYPE_CHECKING:
     from twin.vehicle.presets import shipped_files as shipped_files
     from twin.vehicle.steady_motion import positions_text as positions_text
     from twin.vehicle.steady_motion import trim_positions as trim_positions
+    from twin.vehicle.template import vehicle_template as vehicle_template
 
 __getattr__, __dir__ = attach(__name__, places(__name__))

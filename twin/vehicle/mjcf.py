@@ -7,8 +7,10 @@ largest value that no vehicle needs.
 
 from __future__ import annotations
 
+import inspect
 import math
-from collections.abc import Iterable
+import re
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NoReturn
 from xml.etree import ElementTree
@@ -17,10 +19,12 @@ from xml.parsers import expat
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.errors import VehicleError, unknown_name
+from twin.errors import VehicleError, nearest, unknown_name
 from twin.frames import flip_vector
 
 Array = NDArray[np.float64]
+Names = tuple[str, ...]
+Texts = Callable[[], dict[str, str]]
 USER = "user."
 """Prefix of a file's numbers and texts that the twin ignores."""
 MOST_XML = 16 * 2**20
@@ -65,10 +69,12 @@ class MjcfReader:
     """Elements of one MJCF file by name.
 
     Every method raises VehicleError, with the file's path as the user gave it, when its element is
-    missing or malformed. Vectors are in the file's own axes (hull x forward, y port, z up).
+    missing or malformed. With `gather` a missing element is noted, a made-up one takes its place,
+    and `refuse` raises for all of them. Vectors are in the file's own axes (hull x forward, y port,
+    z up).
     """
 
-    def __init__(self, xml: str, path: Path):
+    def __init__(self, xml: str, path: Path, *, gather: bool = False):
         self.path, self.xml = path, xml
         check_file(xml, path)
         try:
@@ -79,31 +85,38 @@ class MjcfReader:
             self.fail(f"root element <{self.root.tag}>", "<mujoco>")
         self.numerics = {e.get("name", ""): e for e in self.root.iterfind("./custom/numeric")}
         self.texts = {e.get("name", ""): e for e in self.root.iterfind("./custom/text")}
-        self.asked: set[str] = set()
-        """Names of numbers and texts that the code has looked up, present or not."""
+        self.asked: dict[str, tuple[int, tuple[float, ...] | str | None]] = {}
+        """Numbers and texts that the code has looked up, by name: count of numbers (0: a text), and
+        the value without the element (None: the file must have it)."""
+        self.elements: dict[str, None] = {}
+        """Other elements that the code has looked up, in that order."""
+        self.lacking: dict[str, list[str]] = {}
+        """Names of the missing elements by tag."""
+        self._gather = gather
 
     def fail(self, what: str, rule: str) -> NoReturn:
         """Raise a VehicleError: `what` must be `rule`."""
         raise VehicleError(f"vehicle file {self.path}: {what} must be {rule}")
 
+    def lack(self, tag: str, name: str = "") -> ElementTree.Element:
+        """Note a missing element and return an empty one; without `gather` raise VehicleError."""
+        names = self.lacking.setdefault(tag, [])
+        if name not in names:
+            names.append(name)
+        if not self._gather:
+            self.refuse()
+        return ElementTree.Element(tag, name=name)
+
     def one(self, path: str) -> ElementTree.Element:
         """Return the first element at an ElementTree path."""
+        self.elements[f"<{path}>"] = None
         element = self.root.find(path)
-        if element is None:
-            raise VehicleError(
-                f"vehicle file {self.path}: element <{path}> is missing; "
-                "compare with the shipped assets/glider.xml"
-            )
-        return element
+        return self.lack(path) if element is None else element
 
     def _named(self, tag: str, name: str, path: str) -> ElementTree.Element:
+        self.elements[f"<{tag}> {name!r}"] = None
         found = {e.get("name", ""): e for e in self.root.iterfind(path)}
-        if name not in found:
-            raise VehicleError(
-                f"vehicle file {self.path}: <{tag} name={name!r}> is missing"
-                + (f" (found: {', '.join(sorted(filter(None, found)))})" if found else "")
-            )
-        return found[name]
+        return found[name] if name in found else self.lack(tag, name)
 
     def body(self, name: str) -> ElementTree.Element:
         """Return the <body> of that name, at any depth."""
@@ -135,16 +148,13 @@ class MjcfReader:
 
     def text(self, name: str, default: str) -> str:
         """Return the data of a <custom><text>, or `default`."""
-        self.asked.add(name)
+        self.asked[name] = (0, default)
         element = self.texts.get(name)
         return default if element is None else element.get("data", default)
 
     def number(self, name: str, default: float | None = None) -> float:
         """Return the one number of a <custom><numeric>, or `default` if the element is missing."""
-        self.asked.add(name)
-        if default is not None and name not in self.numerics:
-            return default
-        return float(self.numeric(name, 1)[0])
+        return float(self.numeric(name, 1, None if default is None else (default,))[0])
 
     def flipped(self, name: str, size: int) -> Array:
         """Return a vector of a <custom><numeric>, turned from the file's axes to FRD."""
@@ -152,30 +162,47 @@ class MjcfReader:
 
     def numeric(self, name: str, size: int, default: tuple[float, ...] | None = None) -> tuple:
         """Return the `size` numbers of a <custom><numeric>, or `default`; raises without either."""
-        self.asked.add(name)
-        if name not in self.numerics:
-            if default is not None:
-                return default
-            raise VehicleError(
-                f"vehicle file {self.path}: <custom><numeric name={name!r}> is missing; "
-                f"it holds {size} number{'s' if size > 1 else ''}"
-            )
-        return tuple(float(x) for x in self.vector(self.numerics[name], "data", size))
+        self.asked[name] = (size, default)
+        if name in self.numerics:
+            return tuple(float(x) for x in self.vector(self.numerics[name], "data", size))
+        if default is not None:
+            return default
+        self.lack("numeric", name)
+        return tuple(np.arange(1.0, size + 1.0).tolist())
 
-    def refuse_unknown(self, known: Iterable[str], own: tuple[str, ...]) -> None:
-        """Raise VehicleError for a number or text that no code reads.
+    def refuse(self, known: Names = (), own: Names = (), texts: Texts = dict) -> None:
+        """Raise VehicleError for all that the file lacks, or for what no code reads.
 
         Args:
-          known: names that are allowed although no code has looked them up.
-          own: prefixes or parts of names that are allowed for other purposes.
+          known, own: names that are allowed unread; parts of names that are.
+          texts: function that returns descriptions of numbers by name, with units in brackets.
         """
-        right = self.asked | set(known)
-        for name in (*self.numerics, *self.texts):
-            if name not in right and not any(mark in name for mark in own):
-                raise VehicleError(
-                    f"vehicle file {self.path}: <custom>: {unknown_name('name', name, right)}; "
-                    f"names of your own begin with {USER!r}"
-                )
+        right = {*self.asked, *known}
+        free = [n for n in (*self.numerics, *self.texts) if n not in right]
+        free = [n for n in free if not any(mark in n for mark in own)]
+        if self.lacking:
+            described = texts()
+            said = [self._lacking_of(tag, described, free) for tag in self.lacking]
+            way = "`twin vehicles --template` prints a file that has all"
+            raise VehicleError(f"vehicle file {self.path} lacks {'; '.join(said)}. {way}")
+        if free and own:
+            unknown = "; ".join(unknown_name("name", name, right) for name in free)
+            way = f"names of your own begin with {USER!r}"
+            raise VehicleError(f"vehicle file {self.path}: <custom>: {unknown}; {way}")
+
+    def _lacking_of(self, tag: str, described: dict[str, str], free: Iterable[str]) -> str:
+        """Missing elements of one tag, with what stands in the file under a similar name."""
+        alike = free if tag == "numeric" else [e.get("name", "") for e in self.root.iter(tag)]
+        said = []
+        for name in filter(None, self.lacking[tag]):
+            size = self.asked[name][0] if tag == "numeric" else 1
+            units = re.findall(r"\[([^]]+)\]", described.get(name, "").split(":")[0])
+            unit = f" [{', '.join(units)}]" if len(units) in (1, size) else ""
+            near = nearest(name, alike)
+            mutual = near is not None and nearest(near, self.lacking[tag]) == name
+            meant = f" (is {near!r} meant?)" if mutual else ""
+            said.append(f"{name}{f' {size} numbers' if size > 1 else ''}{unit}{meant}")
+        return f"<{tag}> {', '.join(said)}".strip()
 
     def vector(
         self, element: ElementTree.Element, attribute: str, size: int, default: str | None = None
@@ -184,7 +211,10 @@ class MjcfReader:
         label = f"<{element.tag} name={element.get('name')!r}> {attribute}"
         text = element.get(attribute, default)
         if text is None:
-            raise VehicleError(f"vehicle file {self.path}: {label} is missing ({size} numbers)")
+            self.lack(
+                f"{element.tag} {attribute}", f"{element.get('name', '')} {size} numbers".strip()
+            )
+            return np.arange(1.0, size + 1.0)
         try:
             values = np.array([float(x) for x in text.split()])
         except ValueError:
@@ -196,10 +226,8 @@ class MjcfReader:
     def _inertial(self, body: ElementTree.Element) -> ElementTree.Element:
         element = body.find("inertial")
         if element is None:
-            raise VehicleError(
-                f"vehicle file {self.path}: body {body.get('name')!r} lacks <inertial>; "
-                "mass and inertia must be explicit"
-            )
+            self.lack("inertial of body", body.get("name", ""))
+            return ElementTree.Element("inertial", pos="0 0 0", mass="1", diaginertia="1 1 1")
         return element
 
     def inertial(self, body: ElementTree.Element, attribute: str) -> Array:
@@ -316,3 +344,11 @@ class _Check:
 
 def _shortened(text: str) -> str:
     return text if len(text) <= 40 else f"{text[:40]}..."
+
+
+def field_texts(cls: type) -> dict[str, str]:
+    """Docstring of each field of a dataclass, in one line; those of its bases too."""
+    source = "".join(inspect.getsource(one) for one in reversed(cls.__mro__[:-1]))
+    field = r'^    (\w+): .*(?:\n(?:     |    \)).*)*\n    """((?:[^"]|"(?!""))*)"""'
+    found = re.findall(field, source, re.MULTILINE)
+    return {name: " ".join(text.split()) for name, text in found}

@@ -34,10 +34,11 @@ from twin.vehicle.assembly import (
 from twin.vehicle.changes import changed, differences, renamed
 from twin.vehicle.laws import LAWS, FlowFrame, HullLaw
 from twin.vehicle.laws.flow_frame import is_flow_frame
-from twin.vehicle.mjcf import USER, MjcfReader
-from twin.vehicle.parts import Part, Pump, Thruster
+from twin.vehicle.mjcf import USER, MjcfReader, field_texts
+from twin.vehicle.parts import PARTS, Part, Pump, Thruster
 from twin.vehicle.parts.base import Losses
 from twin.vehicle.parts.pump import CUBIC_CM
+from twin.vehicle.plain import without_plain
 from twin.vehicle.presets import (
     PRESETS,
     SEPARATOR,
@@ -57,6 +58,10 @@ LEVEL = 1e-6
 """[m] Rounding error allowed in the centre of gravity's height above the centre of buoyancy."""
 IDENTIFIED = ("hull_and_water", "sensor_errors", "identification", "pump_position")
 """Names of the numbers and texts that `twin identify` adds to a vehicle file for its own use."""
+OPTIONAL = {
+    "depth_pid": 3, "buoyancy_pid": 3, "usual_glide": 2, "station_pid": 12, "rated_depth": 1
+}  # fmt: skip
+"""Count of numbers of what a file may leave out; a field's docstring says what then holds."""
 SPREAD = "spread."
 """Prefix of the `<text>` elements that give the factory's distributions for this vehicle."""
 
@@ -69,7 +74,7 @@ class Vehicle:
     """Name of the vehicle file, without its suffix."""
     path: Path
     xml: str
-    """MJCF text from which all fields below were read."""
+    """MJCF text from which all fields below were read, without the set for plain MuJoCo."""
     gravity: float
     """[m/s2] Gravity, positive down."""
     reference_density: float
@@ -443,10 +448,22 @@ def load_vehicle(vehicle: str | Path = "glider") -> Vehicle:
 @functools.lru_cache(maxsize=16)
 def parse_vehicle(xml: str, path: Path) -> Vehicle:
     """Build a `Vehicle` from MJCF text; `path` only names the file in errors."""
-    reader = MjcfReader(xml, path)
+    return read_vehicle(MjcfReader(without_plain(xml, path), path, gather=True))
+
+
+def read_vehicle(reader: MjcfReader) -> Vehicle:
+    """Build a `Vehicle`; VehicleError names all that a gathering reader's file lacks."""
+    try:
+        return _read(reader)
+    except (VehicleError, ArithmeticError, np.linalg.LinAlgError):
+        if reader.lacking:  # made-up values led to this error
+            _refuse(reader)
+        raise
+
+
+def _read(reader: MjcfReader) -> Vehicle:
+    path, numeric, number = reader.path, reader.numeric, reader.number
     hull = reader.body("hull")
-    numeric, number = reader.numeric, reader.number
-    parts = read_parts(reader)
     kind = reader.text("hull_law", FlowFrame.kind)
     if kind not in LAWS:
         raise VehicleError(f"vehicle file {path}: {unknown_name('hull_law', kind, LAWS)}")
@@ -456,49 +473,45 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
     if added_mass is None:
         added_mass = np.array(numeric("added_mass", 36)).reshape(6, 6)
     gravity = reader.vector(reader.one("option"), "gravity", 3, default="0 0 -9.81")
-    steering = read_steering(reader, parts)
-    assigned = named_controls(reader)
-    driven = "speed" in steering or any(isinstance(part, Thruster) for part in parts)
-    following = followers(parts, steering, assigned)
-    given = reader.numerics
     fields: dict[str, Any] = {
-        f"{axis}_pid": numeric(f"{axis}_pid", 3)
-        for axis in ("pitch", "heading", "trim")
-        if axis in steering and (f"{axis}_pid" in given or "station_pid" not in given)
+        "static_mass": float(reader.inertial(hull, "mass")[0]),
+        "static_cg": flip_vector(reader.inertial(hull, "pos")),
+        "static_inertia": reader.inertia(hull),
+        "added_mass_coupling": number("added_mass_coupling", default=1.0) != 0.0,
+        "imu_position": reader.place("imu"),
+        "gps_position": reader.place("gps"),
     }
-    for name, size in (
-        ("depth_pid", 3),
-        ("buoyancy_pid", 3),
-        ("usual_glide", 2),
-        ("station_pid", 12),
-    ):
-        if name in reader.numerics:
-            fields[name] = numeric(name, size)
-    if "rated_depth" in reader.numerics:
-        fields["rated_depth"] = number("rated_depth")
+    for name, size in OPTIONAL.items():
+        if values := numeric(name, size, ()):
+            fields[name] = values if size > 1 else values[0]
     for name in ("hull_length", "hull_diameter", "hull_compressibility", "control_period"):
         fields[name] = number(name)
     for name in ("hull_thermal_expansion", "hull_thermal_lag", "hull_reference_temperature"):
         fields[name] = number(name, default=getattr(Vehicle, name))
     for name in ("usual_mission", "summary", "source"):
         fields[name] = reader.text(name, "")
+    parts = read_parts(reader)
+    masses = read_masses(reader, parts)
+    steering = read_steering(reader, parts)
+    assigned = named_controls(reader)
+    if "speed" in steering or any(isinstance(part, Thruster) for part in parts):
+        fields["cruise_speed"] = number("cruise_speed")
+    given = reader.numerics
+    for axis in ("pitch", "heading", "trim"):
+        if axis in steering and (f"{axis}_pid" in given or "station_pid" not in given):
+            fields[f"{axis}_pid"] = numeric(f"{axis}_pid", 3)
+    following = followers(parts, steering, assigned)
+    _refuse(reader)
     vehicle = Vehicle(
         name=path.stem,
         path=path,
-        xml=xml,
+        xml=reader.xml,
         gravity=-float(gravity[2]),
         reference_density=reference_density,
-        static_mass=float(reader.inertial(hull, "mass")[0]),
-        static_cg=flip_vector(reader.inertial(hull, "pos")),
-        static_inertia=reader.inertia(hull),
-        masses=read_masses(reader, parts),
+        masses=masses,
         parts=parts,
         law=law,
         added_mass=added_mass,
-        added_mass_coupling=number("added_mass_coupling", default=1.0) != 0.0,
-        imu_position=reader.place("imu"),
-        gps_position=reader.place("gps"),
-        cruise_speed=number("cruise_speed") if driven else 0.0,
         steering=steering,
         followers=following,
         idle=idle_parts(parts, steering, following, assigned),
@@ -509,7 +522,6 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
         },
         **fields,
     )
-    _refuse_unknown(reader)
     if vehicle.metacentric_height < -LEVEL:
         warnings.warn(
             f"vehicle {vehicle.name!r} ({path}): its centre of gravity is "
@@ -522,11 +534,26 @@ def parse_vehicle(xml: str, path: Path) -> Vehicle:
     return vehicle
 
 
-def _refuse_unknown(reader: MjcfReader) -> None:
-    """Raise VehicleError for misspelt names; names of other hull laws' numbers are allowed."""
+def _refuse(reader: MjcfReader) -> None:
+    """Raise VehicleError for what is missing or misspelt; numbers of other hull laws may stand."""
+    if reader.lacking and not reader.actuators():
+        reader.lack("actuator", "for each part: without one the vehicle drifts")
+    free = ("freejoint", "joint[@type='free']")
+    if all(reader.body("hull").find(joint) is None for joint in free):
+        reader.lack("freejoint", "in body 'hull'")
     others = [name for law in LAWS.values() for name in law.names()]
-    loops = ("pitch_pid", "heading_pid", "trim_pid", "depth_pid", "buoyancy_pid", "station_pid")
-    known = ("added_mass", "cruise_speed", "rated_depth", "usual_glide", PRESETS)
+    known = ("added_mass", "cruise_speed", "pitch_pid", "heading_pid", "trim_pid", PRESETS)
     losses = [field.name for field in dataclasses.fields(Losses)]
-    right = (*known, *loops, *IDENTIFIED, *losses, *others)
-    reader.refuse_unknown(right, (SPREAD, SEPARATOR, USER))
+    right = (*known, *OPTIONAL, *IDENTIFIED, *losses, *others)
+    reader.refuse(right, (SPREAD, SEPARATOR, USER), lambda: number_texts(reader))
+
+
+def number_texts(reader: MjcfReader) -> dict[str, str]:
+    """Docstrings of the fields that hold a file's numbers, by the numbers' names."""
+    law = LAWS.get(reader.text("hull_law", FlowFrame.kind), FlowFrame)
+    found = {**field_texts(Vehicle), **field_texts(law)}
+    for actuator in reader.actuators():
+        name = actuator.get("name", "")
+        if kind := PARTS.get(reader.text(f"{name}.kind", "")):
+            found |= {f"{name}.{field}": text for field, text in field_texts(kind).items()}
+    return found

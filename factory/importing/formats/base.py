@@ -45,6 +45,12 @@ class ReadOptions:
     """Folder of cache files; only for importers with `takes_cache`."""
     mapping: Path | str | None = None
     """Meaning of the columns: a file or a shipped name; importers with `takes_mapping` only."""
+    camera: Path | None = None
+    """Calibration of the camera that filmed the vehicle; only for importers with `takes_camera`."""
+    log: Path | None = None
+    """Log of the vehicle in a video; only for importers with `takes_camera`."""
+    marker_side: float = 0.15
+    """[m] Black square of the markers in a video."""
     payload: tuple[PayloadSignal, ...] = ()
     """Columns that the user maps to signals of the payload."""
 
@@ -88,6 +94,8 @@ class Importer:
     """True if the reader uses `ReadOptions.cache`."""
     takes_mapping: bool = False
     """True if the reader uses `ReadOptions.mapping`: the column names are free."""
+    takes_camera: bool = False
+    """True for videos, which need `ReadOptions.camera` and `ReadOptions.log`."""
     instrument: bool = False
     """True for logs of an instrument, which may lie beside those of the vehicle that carries it."""
     held: frozenset[str] = frozenset()
@@ -103,7 +111,7 @@ class Importer:
                 f"importer name {self.name!r}: use small letters, digits, - and _, such as 'slocum'"
             )
         empty = [n for n in ("vehicle", "files", "channels", "suffixes") if not getattr(self, n)]
-        empty += [] if self.marks or self.takes_mapping else ["marks"]
+        empty += [] if self.marks or self.takes_mapping or self.takes_camera else ["marks"]
         wrong = sorted(s for s in self.suffixes if not s.startswith(".") or s != s.lower())
         why = ""
         if empty:

@@ -211,6 +211,55 @@ def test_a_current_that_the_store_has_not_is_asked_for():
         measured(mission(signals), DVL)
 
 
+# --- A camera
+
+
+SEEN = np.repeat([True, False], [600, 400])
+
+
+def filmed(seen=SEEN):
+    """The surveyed dive by a camera without errors, which measures over ground."""
+    signals = surveyed(mode=np.ones(len(seen)))
+    for name in ("surge", "sway"):
+        over_ground = signals.pop(f"measured_dvl_{name}")
+        signals[f"measured_camera_{name}"] = np.where(seen, over_ground, np.nan)
+    return signals
+
+
+@pytest.mark.parametrize("known", ["store", f"{CURRENT[0]},{CURRENT[1]}"])
+def test_a_cameras_velocity_less_the_known_current_is_the_one_through_the_water(known):
+    config = LabelConfig(source="camera", known_current=known)
+    found = measured(mission(filmed()), config)
+    np.testing.assert_array_equal(found.usable, np.arange(1000) < 600)
+    assert found.velocities["surge"][:600] == pytest.approx(0.9, abs=1e-12)
+    assert found.velocities["sway"][:600] == pytest.approx(-0.05, abs=1e-12)
+    counts = count_labels([mission(filmed())], config)
+    assert (counts.used, counts.samples, counts.outliers) == (600, 1000, 0)
+    assert "from a camera, not from the truth: 600 of 1000 samples" in counts.sentences(config)[0]
+
+
+def test_a_camera_needs_a_known_current_and_no_second_smoothing(flown_store):
+    with pytest.raises(InputError, match="over ground: give --known-current store or NORTH"):
+        LabelConfig(source="camera")
+    given = {"labels": "camera", "known_current": "0,0"}
+    with pytest.raises(InputError, match="smoothed already: leave --smoothing out"):
+        fit_settings(flown_store, **given, smoothing="none")
+    assert fit_settings(flown_store, **given).labels.device == "camera"
+    with pytest.raises(StoreError, match="no channel measured_camera_surge: no camera"):
+        measured(mission(), LabelConfig(source="camera", known_current="0,0"))
+
+
+def test_camera_labels_reach_the_training_with_their_gaps(tmp_path):
+    path = write_store(tmp_path / "s.zarr", [filmed()] * 3, [0, 1, 2])
+    labels = LabelConfig(source="camera", known_current="store")
+    features = select_features(without=["imu"])
+    data = prepare(path, target="surge", features=features, mirror=False, labels=labels)
+    np.testing.assert_array_equal(data.train.weights[0] > 0, np.arange(1000) < 600)
+    blind = write_store(tmp_path / "t.zarr", [filmed(np.zeros(400, bool))] * 2, [0, 1])
+    with pytest.raises(StoreError, match="its camera saw none"):
+        prepare(blind, target="surge", features=features, labels=labels)
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
@@ -247,4 +296,5 @@ def test_settings_of_labels_are_kept_and_refused_where_they_have_no_use(flown_st
 def test_the_holes_of_a_log_are_not_filled_with_labels():
     log = np.array([1.0, np.nan, np.nan, 0.7])
     np.testing.assert_array_equal(filled("measured_dvl_surge", log), log)
+    np.testing.assert_array_equal(filled("measured_camera_surge", log), log)
     assert np.isfinite(filled("measured_pitch", log)).all()

@@ -18,7 +18,7 @@ from learn.data.dataset import load_missions
 from learn.data.preparation import prepare
 from learn.files import write_sealed
 from learn.networks.base import NetworkConfig
-from learn.networks.predictor import Ensemble, Predictor, free_run, load_predictor
+from learn.networks.predictor import Ensemble, Predictor, load_predictor
 from learn.seams import NETWORKS
 from learn.training.checkpoint import write_checkpoint
 from learn.training.optimiser import TrainingConfig, step_size
@@ -245,7 +245,9 @@ def test_saved_networks_come_back_equal(predictors, tmp_path):
     again = load_predictor(tmp_path / "surge")
     assert again.normalisation == predictors[0].normalisation
     x = np.random.default_rng(0).normal(size=(50, len(again.features))).astype(np.float32)
-    assert np.array_equal(free_run(again.network, [x])[0], free_run(predictors[0].network, [x])[0])
+    assert np.array_equal(
+        again.network.run_missions([x])[0], predictors[0].network.run_missions([x])[0]
+    )
 
 
 def test_damaged_networks_are_explained(predictors, tmp_path):

@@ -215,13 +215,17 @@ def test_the_papers_figures_are_drawn_where_the_log_saw_the_bottom(judged, run):
 def test_in_still_water_and_in_a_current_the_page_says_what_can_be_known(judged, run, tmp_path):
     assert any("The water stood still" in text for text in result_tables.verdicts(judged.figures))
     moving = made(tmp_path / "m.zarr", **{"current.speed": "0.3"})
-    found = learn.evaluate(run, moving, split="all", baselines=("dvl",)).figures
+    judged = learn.evaluate(run, moving, split="all", baselines=("dvl",))
+    found, shown = judged.figures, judged.shown[0]
     text = " ".join(result_tables.verdicts(found))
     assert "no method can know it without sight of the bottom or a fix" in text
     network, away, own = (row["mean [%]"] for row in result_tables.doppler_rows(found))
     assert isinstance(own, float)
     assert own < 5.0 < network  # the log sees the current, the networks do not
     assert away > 5.0
+    # no track over ground without a current that is known
+    assert set(ground_lines(shown, BESIDE_DVL)) == {"truth", "dvl"}
+    assert doppler_error_figure(shown).axes[0].lines
 
 
 def test_an_on_board_track_by_a_doppler_log_is_none_through_the_water(run, still):

@@ -145,6 +145,7 @@ RESULT = "<function _filter> returned a result with an exception set"
             "ended by SIGTERM: --resume goes on",
         ),
         (raised(KeyboardInterrupt(), WriteError("the disk is full")), 2, "the disk is full"),
+        (RuntimeError("invalid MUJOCO_GL: foo"), 2, "invalid MUJOCO_GL: foo; set it to egl, os"),
         (SystemError("of its own"), 1, "SystemError: of its own (this is a bug; "),
     ],
 )

@@ -96,7 +96,7 @@ def test_a_foreign_callback_is_not_silently_replaced():
 
 
 def test_users_own_forces_survive():
-    """The hull's row of xfrc_applied is the water's; the rest is the user's."""
+    """Rows of other bodies are the user's alone; test_user_force.py has the hull's."""
     model, data = glider()
     battery = model.body("battery").id
     data.xfrc_applied[battery, 1] = 3.0

@@ -98,7 +98,9 @@ def test_what_is_not_ours_is_never_replaced(tmp_path):
     with pytest.raises(WriteError, match="is not a folder"):
         write(tmp_path / "file", "new", overwrite=True)
     write(tmp_path / "ours", "old")
-    with pytest.raises(WriteError, match="already exists; use --overwrite"):
+    with pytest.raises(
+        WriteError, match=r"already exists; use --overwrite \(in Python overwrite=True\)"
+    ):
         write(tmp_path / "ours", "new")
     (tmp_path / "empty").mkdir()
     write(tmp_path / "empty", "new")

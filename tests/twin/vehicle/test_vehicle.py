@@ -1,8 +1,10 @@
 """Vehicle files: read by name or preset, agree with MuJoCo, and say what is wrong with them."""
 
 import dataclasses
+import json
 import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -17,14 +19,18 @@ from twin.physics.mujoco_model import compile_model
 from twin.records.mission_dataset import dataset_of
 from twin.records.reader import MissionStore
 from twin.records.store import write_store
+from twin.vehicle import vehicle_template
+from twin.vehicle.changes import differences
 from twin.vehicle.laws import LAWS
 from twin.vehicle.mjcf import MOST_XML, check_file
 from twin.vehicle.parts import PARTS, Part
+from twin.vehicle.plain import without_plain
 from twin.vehicle.presets import (
     apply_preset,
     asset_path,
     assets_folder,
     preset_names,
+    shipped_files,
     split_preset,
     vehicle_names,
 )
@@ -105,12 +111,17 @@ def broken(old: str, new: str):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('<numeric name="drag"', '<numeric name="dragg"', "<numeric name='drag'> is missing"),
+        (
+            '<numeric name="drag"',
+            '<numeric name="dragg"',
+            r"lacks <numeric> drag 2 numbers \[kg/m, kg/m/rad2\] \(is 'dragg' meant\?\)\. `twin",
+        ),
         ('data="7.19 386.29"', 'data="7.19"', "drag.*must be 2 finite numbers"),
         ('data="7.19 386.29"', 'data="7.19 many"', "drag.*must be 2 numbers"),
         ('data="7.19 386.29"', 'data="7.19 nan"', "drag.*must be 2 finite numbers"),
         ('mass="54.28"', 'mass="-1"', "static_mass must be positive"),
-        ('<site name="imu"', '<site name="ins"', "<site name='imu'> is missing"),
+        ('<freejoint name="hull"/>', "", "lacks <freejoint> in body 'hull'. `twin"),
+        ('<site name="imu"', '<site name="ins"', "lacks <site> imu. `twin"),
         (
             '<general name="pump"',
             '<general name="vbd"',
@@ -130,6 +141,90 @@ def test_a_broken_file_is_named(old, new, message):
         broken(old, new)
 
 
+BARE = """<mujoco><worldbody><body name="hull"><inertial pos="0 0 0" mass="50"/></body></worldbody>
+<custom><numeric name="drga" data="1 2"/><text name="rudder.kind" data="fin"/></custom>
+<actuator><general name="rudder" site="rudder" dyntype="user" gainprm="0" actlimited="true"
+actrange="-1 1"/></actuator></mujoco>"""
+
+
+def test_one_error_names_all_that_a_file_lacks():
+    with pytest.raises(VehicleError) as caught:
+        parse_vehicle(BARE, Path("mine.xml"))
+    said = str(caught.value)
+    for part in (
+        "<numeric> drag 2 numbers [kg/m, kg/m/rad2] (is 'drga' meant?), lift 2 numbers",
+        "added_mass 36 numbers [kg, kg m, kg m2], hull_length [m]",
+        "rudder.area [m2], rudder.lift_slope [1/rad], heading_pid 3 numbers;",
+        "; <option>; <inertial diaginertia> 3 numbers; <site> imu, gps, rudder; ",
+        "<general dynprm> rudder 2 numbers; <freejoint> in body 'hull'.",
+    ):
+        assert part in said
+
+
+def test_a_file_with_all_that_the_error_names_loads():
+    """The error is complete: what it names, and no more, is what the file needs."""
+    bare = ElementTree.fromstring(GLIDER.xml)
+    custom, lost = bare.find("custom"), {}
+    assert custom is not None
+    for element in custom.findall("numeric"):
+        custom.remove(element)
+        lost[element.get("name")] = element
+    with pytest.raises(VehicleError) as caught:
+        parse_vehicle(ElementTree.tostring(bare, encoding="unicode"), GLIDER.path)
+    named = [name for name in lost if re.search(rf"[ ]{name}\b", str(caught.value))]
+    assert set(lost) - set(named) == {"identified_angle"}
+    for name in named:
+        custom.append(lost[name])
+    parse_vehicle(ElementTree.tostring(bare, encoding="unicode"), GLIDER.path)
+
+
+def test_every_misspelt_name_is_in_one_error():
+    with pytest.raises(
+        VehicleError, match=r"'usual_glid'.*'usual_glide'.*'rated_dept'.*rated_depth"
+    ):
+        broken(
+            "</custom>",
+            """<numeric name="usual_glid" data="1 1"/>
+            <numeric name="rated_dept" data="9"/></custom>""",
+        )
+
+
+@pytest.mark.parametrize("name", sorted(shipped_files()))
+def test_a_template_is_the_shipped_vehicle(name):
+    vehicle, shipped = parse_vehicle(vehicle_template(name), Path("mine.xml")), load_vehicle(name)
+    assert differences(vehicle, shipped, leave=UNLIKE) == {}
+    assert differences(vehicle.law, shipped.law) == {}
+    for mine, theirs in zip(vehicle.parts, shipped.parts, strict=True):
+        assert differences(mine, theirs) == {}
+    assert compile_model(vehicle).nu == len(shipped.parts)
+
+
+UNLIKE = ("name", "path", "xml", "law", "parts", "masses", "followers", "spreads")
+
+
+def test_a_template_glides_as_printed_and_marks_what_it_needs(tmp_path, capsys):
+    assert PROGRAM.main(["vehicles", "--template"]) == 0
+    text = capsys.readouterr().out
+    path = tmp_path / "mine.xml"
+    path.write_text(text)
+    assert PROGRAM.main(["trim", "--vehicle", str(path), "--json"]) == 0
+    assert PROGRAM.main(["trim", "--json"]) == 0
+    mine, shipped = map(json.loads, capsys.readouterr().out.splitlines())
+    assert mine["speed_m_s"] == shipped["speed_m_s"]
+    for word, count in (("required", 17), ("optional", 3)):
+        marked = re.findall(rf"[ ]*<(?:numeric|text) [^>]*/> <!-- {word}.*?-->\n", text)
+        assert len(marked) == count
+        for element in marked:
+            less = text.replace(element, "")
+            if word == "optional":
+                parse_vehicle(less, path)
+                continue
+            with pytest.raises(VehicleError, match="lacks <numeric> "):
+                parse_vehicle(less, path)
+    assert PROGRAM.main(["vehicles", "--template", "glidr"]) == 2
+    assert "did you mean 'glider'" in capsys.readouterr().err
+
+
 def test_wrong_structure_is_refused_when_compiled():
     rail = '<joint name="shift"'
     assert rail in GLIDER.xml
@@ -144,7 +239,6 @@ def test_wrong_structure_is_refused_when_compiled():
 @pytest.mark.parametrize(
     ("line", "missing"),
     [
-        ('<freejoint name="hull"/>', r"the free joint 'hull' \(<freejoint name=\"hull\"/>\) is"),
         (
             'type="slide"',
             r"'battery' must be at most one slide and one hinge .*'shift' and 'rotation'",
@@ -388,7 +482,7 @@ def test_a_preset_is_behind_the_last_colon(text, parts):
 def test_the_file_as_it_stands_is_its_first_preset():
     usual, named = load_vehicle("tethys"), load_vehicle("tethys:mbari")
     assert preset_names(usual.xml, usual.path) == ("mbari", "gazebo")
-    assert named.xml == usual.xml == TEXT
+    assert named.xml == usual.xml == without_plain(TEXT, usual.path)
     assert named.name == usual.name == "tethys"
     # plain MuJoCo reads it, and has nothing but the first set in it
     model = mujoco.MjModel.from_xml_path(str(asset_path("tethys.xml")))

@@ -18,7 +18,7 @@ from twin.vehicle.parts.base import VALUES
 
 NAME = "glider_twin_block"
 MAGIC = 7.316e-217  # a value no vehicle parameter has
-VERSION = 5.0
+VERSION = 6.0
 CONTROL_NONE, CONTROL_MISSION, CONTROL_SCHEDULE = 0.0, 1.0, 2.0
 TABLE = np.dtype([("start", "f8"), ("size", "f8")])
 """Place of a table: index of its first number in the block, and count of its numbers."""
@@ -113,6 +113,7 @@ STATE = np.dtype(
         ("twist", "f8", (6,)),  # qvel[0:6] at that time
         ("earlier", "f8", (6,)),  # qvel[0:6] one step before that
         ("known", "f8"),  # 1 once the three fields above are set
+        ("user", "f8", (6,)),  # [N, N m] user's wrench on the hull, MuJoCo's world axes
         ("guidance", "f8", (GUIDANCE_STATE,)),
     ]
 )

@@ -1,6 +1,6 @@
 """Plant: native callbacks for water, parts, guidance and logging inside MuJoCo's own step.
 
-`mjcb_passive` adds the added mass M_A to the mass matrix and writes the water's forces into the
+`mjcb_passive` adds the added mass M_A to the mass matrix and the water's forces to a user's in the
 hull's row of `xfrc_applied`. `mjcb_act_dyn` moves the parts; `mjcb_control` runs guidance and the
 log. All three return at once for a model without our parameter block, so other models in the
 process are untouched. They are C functions without the GIL: `mj_step`, `mujoco.batch` and
@@ -61,6 +61,8 @@ CONTROL_NONE = b.CONTROL_NONE
 ZERO = (0.0, 0.0, 0.0)
 FASTEST = 20.0
 """[m/s] Speed through the water above which a run has failed, even if it slows down later."""
+NO_FORCE = 5e-324
+"""[N] Written in place of a sum that is 0 in all axes: `last` must not look as if never written."""
 UNSTABLE = 2.0
 """[1] Product of step and rotary damping over inertia above which an explicit step is unstable."""
 RATE = 1e-4
@@ -121,6 +123,21 @@ def rotary_damping(law, values, density, u, v, w, p, q, r, l, m, n):
 
 
 @inline
+def keep_user(user, force, last):
+    """Store the user's wrench: numbers of the row `force` that are not those of our `last` sum.
+
+    An assigned force stays until the next assignment, as MuJoCo's own do. `last` is the world's
+    row, which MuJoCo never reads: it is copied, restored and cleared along with the hull's.
+    """
+    written = False
+    for i in range(6):
+        written = written or last[i] != 0.0
+    for i in range(6):
+        if not written or force[i] != last[i]:
+            user[i] = force[i]
+
+
+@inline
 def fail(state, time):
     """Record the first failure of a run."""
     if state.failed == 0.0:
@@ -178,7 +195,10 @@ def water(model, data):
     position = array(field(table, data, at.D_XPOS) + 24 * hull, 3)
     velocity = array(field(table, data, at.D_QVEL), 6)
     state = state_of(table, data)
+    last = array(field(table, data, at.D_XFRC_APPLIED), 6)
     force = array(field(table, data, at.D_XFRC_APPLIED) + 48 * hull, 6)
+    user = state.user
+    keep_user(user, force, last)
     time = load_f8(data + load_i8(table + 8 * at.D_TIME))
     timestep = load_f8(model + load_i8(table + 8 * at.M_TIMESTEP))
     depth = -position[2]
@@ -193,7 +213,7 @@ def water(model, data):
     if not finite:
         mj_factor_mass(model, data)
         for i in range(6):
-            force[i] = 0.0
+            force[i] = last[i] = 0.0
         return
 
     # displaced and carried masses; M_A is scaled by the immersed fraction of the hull
@@ -334,13 +354,20 @@ def water(model, data):
     my -= arm * lift * rotation[0]
     centre = array(field(table, data, at.D_XIPOS) + 24 * hull, 3)
     ox, oy, oz = centre[0] - position[0], centre[1] - position[1], centre[2] - position[2]
-    force[0], force[1], force[2] = fx, fy, fz
-    force[3] = mx - (oy * fz - oz * fy)
-    force[4] = my - (oz * fx - ox * fz)
-    force[5] = mz - (ox * fy - oy * fx)
+    force[0], force[1], force[2] = fx + user[0], fy + user[1], fz + user[2]
+    force[3] = mx - (oy * fz - oz * fy) + user[3]
+    force[4] = my - (oz * fx - ox * fz) + user[4]
+    force[5] = mz - (ox * fy - oy * fx) + user[5]
+    total, still = 0.0, True
+    for i in range(6):
+        total, still = total + force[i], still and force[i] == 0.0
+    if still:
+        force[0] = NO_FORCE
+    for i in range(6):
+        last[i] = force[i]
 
     # MuJoCo would ignore a force that is not finite and go on
-    if not follow_floor(head, model, data, state) or not math.isfinite(fx + fy + fz + mx + my + mz):
+    if not follow_floor(head, model, data, state) or not math.isfinite(total):
         fail(state, time)
     state.current[0], state.current[1], state.current[2] = cn, ce, cd
     state.density = density

@@ -29,41 +29,53 @@ NO_EXCHANGE = frozenset({errno.EINVAL, errno.ENOTSUP, errno.ENOSYS, errno.EPERM}
 """Errors of systems that cannot exchange names: NFS, FUSE, Linux before 3.15"""
 
 
-def sync(path: Path) -> None:
+def sync(path: str | Path) -> None:
     """Flush a file's content, or the names in a folder, to the disk; raises OSError."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
     except OSError as error:
-        if not (error.errno in NO_SYNC and path.is_dir()):
+        if not (error.errno in NO_SYNC and Path(path).is_dir()):
             raise
     finally:
         os.close(descriptor)
 
 
-def sync_all(paths: Iterable[Path]) -> None:
+def sync_all(paths: Iterable[str | Path]) -> None:
     """Sync many paths in parallel: 150 files take 0.04 s instead of 1.3 s."""
     from concurrent.futures import ThreadPoolExecutor
 
+    every = list(paths)
+
+    def sync_some(first: int) -> None:
+        for path in every[first::SYNCS_AT_ONCE]:
+            sync(path)
+
     with ThreadPoolExecutor(SYNCS_AT_ONCE) as threads:
-        list(threads.map(sync, paths))
+        list(threads.map(sync_some, range(min(SYNCS_AT_ONCE, len(every)))))
 
 
 def sync_tree(folder: Path) -> None:
     """Flush a folder and everything in it to the disk; raises OSError."""
-    sync_all([*files_below(folder), *(Path(place) for place, _, _ in os.walk(folder))])
+    files = [entry.path for entry in entries_below(folder)]
+    sync_all([*files, *(place for place, _, _ in os.walk(folder))])
 
 
-def files_below(folder: Path) -> Iterator[Path]:
+def entries_below(folder: str | Path) -> Iterator[os.DirEntry[str]]:
     """Yield every entry below a folder that is not a folder, sorted by name in each folder; raises
     OSError if a folder cannot be read."""
     with os.scandir(folder) as entries:
         found = sorted(entries, key=lambda entry: entry.name)
     for entry in found:
         if entry.is_dir(follow_symlinks=False):
-            yield from files_below(Path(entry.path))
+            yield from entries_below(entry.path)
         else:
-            yield Path(entry.path)
+            yield entry
+
+
+def files_below(folder: Path) -> Iterator[Path]:
+    """Yield the path of each of `entries_below`."""
+    return (Path(entry.path) for entry in entries_below(folder))
 
 
 def write_whole(path: Path, data: bytes, *, safe: bool = True) -> None:

@@ -227,7 +227,7 @@ class ShardedStore:
           signals: type and attributes of each array over mission and time, by name.
           attributes: attributes of the store.
         """
-        like = {dtype: self._signal(dtype) for dtype, _ in signals.values()}
+        like = {dtype: self._signal(dtype) for dtype in {dtype for dtype, _ in signals.values()}}
         for name, (dtype, said) in signals.items():
             self._metadata[name] = _document(like[dtype], said)
         for name, document in self._metadata.items():

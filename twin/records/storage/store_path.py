@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, NoReturn, TypeAlias
 from twin.bounded import MOST_TEXT, check_regular
 from twin.errors import InputError, unknown_name
 from twin.lazy import resolve
-from twin.records.storage.disk import files_below, sync_all, write_whole
+from twin.records.storage.disk import entries_below, sync_all, write_whole
 
 SCHEMES = {"s3": "Amazon S3 and what speaks like it", "gs": "Google Cloud", "az": "Azure"}
 """Allowed schemes of an address (the part before ://), with the storage that each one means"""
@@ -175,9 +175,10 @@ class Files:
     def sizes(self) -> Iterator[tuple[str, int]]:
         """Yield key and size [byte] of every file, sorted by name in each folder. Files that are
         removed meanwhile are skipped."""
-        for path in files_below(self.folder) if self.folder.is_dir() else ():
+        begin = len(str(self.folder / "_")) - 1
+        for entry in entries_below(self.folder) if self.folder.is_dir() else ():
             with contextlib.suppress(FileNotFoundError):
-                yield path.relative_to(self.folder).as_posix(), path.lstat().st_size
+                yield entry.path[begin:], entry.stat(follow_symlinks=False).st_size
 
     def all_keys(self) -> Iterator[str]:
         """Keys of all files."""

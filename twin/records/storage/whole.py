@@ -34,6 +34,8 @@ from twin.records.storage.disk import (
 )
 from twin.records.storage.store_path import Url, store_path
 
+REPLACE = "use --overwrite (in Python overwrite=True)"
+"""Way out in the error for a path that exists"""
 REPLACED = ".replaced"
 """Name in the hidden folder for the old content while the new content is renamed"""
 Ours = Callable[[Path], bool]
@@ -113,7 +115,7 @@ def check_folder_target(
             why = "is damaged, or another thing of glider-twin's than what is to be written"
         raise WriteError(f"{path} exists and {why}; remove it by hand or choose another name")
     if not overwrite:
-        raise WriteError(f"{path} already exists; use --overwrite or choose another name")
+        raise WriteError(f"{path} already exists; {REPLACE} or choose another name")
 
 
 def check_file_target(path: str | Path, *, overwrite: bool = True) -> None:
@@ -128,7 +130,7 @@ def check_file_target(path: str | Path, *, overwrite: bool = True) -> None:
         what = "a folder" if target.is_dir() else "not a plain file"
         raise WriteError(f"{path} is {what}; give the name of a file")
     if target.exists() and not overwrite:
-        raise WriteError(f"{path} already exists; use --overwrite or choose another name")
+        raise WriteError(f"{path} already exists; {REPLACE} or choose another name")
 
 
 def check_place(target: Path) -> None:

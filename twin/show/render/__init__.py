@@ -6,6 +6,7 @@ from twin.lazy import attach, places
 
 if TYPE_CHECKING:
     from twin.show.render.canvas import OTHER_TRACKS as OTHER_TRACKS
+    from twin.show.render.context import new_context as new_context
     from twin.show.render.context import require_screen as require_screen
     from twin.show.render.film import STILL_FORMATS as STILL_FORMATS
     from twin.show.render.film import VIDEO_FORMATS as VIDEO_FORMATS
