@@ -68,8 +68,7 @@ class Lens:
     def write(self, path: Path) -> None:
         """Write the calibration as OpenCV does."""
         file = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
-        values: tuple[Any, ...]
-        values = (self.width, self.height, self.matrix, self.distortion[:, None])
+        values: list[Any] = [self.width, self.height, self.matrix, self.distortion[:, None]]
         for key, value in zip(KEYS, values, strict=True):
             file.write(key, value)
         file.release()
