@@ -115,7 +115,8 @@ class Camera(Sensor):
         frames = dataclasses.replace(frames, time=frames.time + drawn["camera_clock"])
         given = np.stack([signals[name] for name in LOGGED], axis=-1).astype(np.float64)
         own = observer(self.observer).velocity
-        time, angles = np.arange(count) * dt, given[:, :3] * (math.pi / 180.0)
+        time = np.asarray(np.arange(count) * dt, np.float64)
+        angles = np.asarray(np.radians(given[:, :3]), np.float64)
         found = smooth(time, angles, given[:, 3:], frames, Settings(own=own))
         return labelled(found.velocity, found.deviation)
 

@@ -166,7 +166,8 @@ def veiled(colours: Picture, ranges: Picture, visibility: float) -> Picture:
     """Colours, (..., 3), after ranges [m], (...), of water with a visibility [m]."""
     attenuation = -math.log(CONTRAST_LEFT) / visibility * COLOURS
     left = np.exp(-ranges[..., None] * attenuation.astype(np.float32))
-    return np.asarray(colours * left + BACKSCATTER * (1.0 - left), np.float32)
+    found = colours * left + BACKSCATTER.astype(np.float32) * (1.0 - left)
+    return np.asarray(found, np.float32)
 
 
 def blurred(picture: Picture, shift: tuple[float, float]) -> Picture:
