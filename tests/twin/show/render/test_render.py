@@ -11,6 +11,7 @@ from PIL import Image
 import twin
 from twin.errors import InputError
 from twin.faults.hull import WingLost
+from twin.physics.true_signals import declare_parts
 from twin.show.render import canvas as palette
 from twin.show.render import hud, sea, tags
 from twin.show.render.camera import (
@@ -37,6 +38,7 @@ from twin.show.render.painter import Painter
 from twin.show.render.ribbon import ArrowProfile, ladder
 from twin.show.render.shapes import GLIDER_GROUPS
 from twin.show.render.subject import CAMERAS, Shot, read_subject
+from twin.vehicle.vehicle import load_vehicle
 
 SIZE = {"width": 256, "height": 144}
 HIDDEN_GROUP = 4
@@ -350,5 +352,6 @@ def test_the_first_tracks_have_not_the_colour_of_the_current():
 
 
 def test_a_tethers_length_is_in_metres_and_a_batterys_travel_in_millimetres():
+    declare_parts(load_vehicle("bluerov2"))
     assert hud._part("tether", 15.0, fine=False).value == "15.0 m"
     assert hud._part("shift", -0.0212, fine=False).value.endswith("21 mm")
