@@ -24,7 +24,7 @@ SLACK = 150
 """Lines that a room may have less than its row says before the row is lowered"""
 
 ROOMS = {
-    "benchmarks": (14365, 110270),
+    "benchmarks": (14469, 111326),
     "factory": (1550, 11678),
     "factory/commands": (1016, 5993),
     "factory/exporting": (2136, 12231),
@@ -40,37 +40,37 @@ ROOMS = {
     "learn/report": (1725, 11267),
     "learn/shipped": (129, 823),
     "learn/training": (2817, 17739),
-    "plugins": (21917, 154861),
+    "plugins": (21919, 154885),
     "scripts": (2635, 18915),
-    "tests": (69340, 608198),
+    "tests": (69348, 608245),
     "twin": (2364, 12531),
     "twin/checks": (1318, 8696),
     "twin/cli": (1330, 8078),
     "twin/commands": (2228, 12737),
     "twin/compiled": (1267, 7267),
-    "twin/control": (4423, 27154),
+    "twin/control": (4424, 27165),
     "twin/faults": (1215, 6647),
     "twin/fossen": (2501, 18700),
     "twin/identify": (7901, 55637),
     "twin/logs": (3064, 21932),
     "twin/mission": (5059, 33574),
     "twin/navigation": (6884, 40641),
-    "twin/physics": (5877, 40492),
+    "twin/physics": (5880, 40526),
     "twin/records": (5003, 29008),
     "twin/sensors": (3417, 22387),
     "twin/show": (10224, 63480),
-    "twin/vehicle": (5238, 35641),
+    "twin/vehicle": (5239, 35654),
     "twin/water": (4907, 33103),
 }
 """Of a room: most lines of all its text files, docstrings and blank lines included, and most Python
 tokens, so that longer lines win nothing"""
 MODULES = 564
-LONGEST_FUNCTION, USUAL_FUNCTION = 197, 39
+LONGEST_FUNCTION, USUAL_FUNCTION = 187, 39
 """Lines of the longest function of the product, and of the 95th percentile"""
 OWN_IMPORTS = 6.29
 """Distinct own modules that a file of the product imports, in the mean; where small modules were
 joined, a file imports more and all files together less"""
-RADIUS = {"factory generate": (87, 841), "learn fit": (184, 1952)}
+RADIUS = {"factory generate": (87, 841), "learn fit": (206, 2203)}
 """Files and functions of the product that a job runs"""
 VARIES = 1.03
 """What is compiled, and what a processor can, changes which functions run"""
