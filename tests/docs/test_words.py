@@ -21,18 +21,18 @@ MOST = 50_000
 SLACK = 300
 """Words that a row may have less than it says before it is lowered"""
 WORDS = {
-    "CHANGELOG.md": 1047,
+    "CHANGELOG.md": 1064,
     "CONTRIBUTING.md": 667,
-    "README.md": 628,
+    "README.md": 621,
     "docs": 1079,
-    "docs/howto": 14410,
+    "docs/howto": 14239,
     "docs/physics": 4798,
-    "docs/project": 2550,
-    "docs/reference": 10069,
-    "docs/results": 10446,
+    "docs/project": 2555,
+    "docs/reference": 10064,
+    "docs/results": 10445,
     "docs/tutorials": 3717,
     "examples": 196,
-    "plugins": 359,
+    "plugins": 451,
 }
 """Most words of each folder's pages"""
 PLACES = ("*.md", "docs/**/*.md", "examples/**/*.md", "plugins/**/*.md")
