@@ -232,7 +232,7 @@ def test_import_learn_names_its_extra(bare, tmp_path):
 def test_the_tasks_without_the_extra_suite_name_the_line_that_installs_it(bare, tmp_path):
     code = "from twin import control; print(*control.ALL_TASKS); control.load('hold')"
     done = _ended([bare / "python", "-c", code], tmp_path, 1)
-    assert done.stdout == "hold depth waypoints energy\n"
+    assert done.stdout == "hold depth waypoints energy reach station path\n"
     last = done.stderr.splitlines()[-1]
     assert "a task of dm_control needs the package dm_control" in last
     assert 'pip install "glider-twin[suite]"' in last
