@@ -36,7 +36,9 @@ SPARSE = frozenset(
      "true_current_east", "true_current_down", "measured_dvl_surge", "measured_dvl_sway",
      "measured_dvl_heave", "measured_charge", "measured_voltage", "measured_battery_current",
      "measured_vacuum", "measured_altitude",
-     *(f"measured_dvl_{axis}_deviation" for axis in ("surge", "sway", "heave")),
+     *(f"measured_{by}_{axis}_deviation" for by in ("dvl", "camera")
+       for axis in ("surge", "sway", "heave")),
+     *(f"measured_camera_{axis}" for axis in ("surge", "sway", "heave")),
      *(f"measured_bottom_{axis}" for axis in ("surge", "sway", "heave"))}
 )  # fmt: skip
 """Signals that take the nearest original sample, if it lies within half a period."""

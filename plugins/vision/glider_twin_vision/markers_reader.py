@@ -1,7 +1,7 @@
 """Markers reader: a still camera's video and the vehicle's log become one log with velocities.
 
-The vertical motion joins the clocks: the depth in the video, along the vehicle's mean vertical, is
-shifted until it fits the depth of the log. The log's attitude then gives the camera's attitude.
+The vertical motion joins the clocks: the depth in the video is shifted until it fits the depth of
+the log. The log's attitude then gives the attitude of the camera.
 """
 
 from __future__ import annotations
@@ -33,8 +33,12 @@ WORST_FIT = 0.3
 """[1] Largest deviation of the depth's difference, relative to the depth's own deviation"""
 WORST_CLOCK = 0.1
 """[s] Largest deviation of the clocks' difference"""
-TOGETHER = 10
-"""Number of poses in sequence that err alike"""
+SOUNDING = 0.01
+"""[m] Deviation of the log's depth"""
+TOGETHER = 1.0
+"""[s] Time within which depths err alike"""
+LEAST_INSIDE = 0.9
+"""[1] Part of the poses that must lie in the log's time"""
 COARSE, FINE = 0.1, 0.005
 """[s] Steps of the search for the clocks' difference"""
 AROUND = 41
@@ -188,7 +192,8 @@ def joined_clocks(
 ) -> tuple[float, float, float]:
     """Time of the log [s] at which the video begins, its deviation [s], and the misfit [m].
 
-    The deviation is that of a shift by least squares, with one of TOGETHER poses independent.
+    The vertical is the vehicle's mean one at first, then the one by the log's attitude. The
+    deviation is that of a shift by least squares, with errors alike within TOGETHER.
 
     Args:
       times, attitude, depth: of the log, [s], [rad] (n, 3) and [m].
@@ -197,46 +202,50 @@ def joined_clocks(
       InputError: the vehicle hardly moved up and down, or its depth fits nowhere in the log.
     """
     down = poses.turn[:, :, 2].mean(axis=0)
+    down /= np.linalg.norm(down)
+    spread = np.einsum("i,nij,j->n", down, poses.covariance[:, 3:, 3:], down) + SOUNDING**2
+    weight = (1.0 / spread) / np.sum(1.0 / spread)
+
+    def size(values: Array) -> float:
+        """Weighted standard deviation of values at the poses."""
+        return float(np.sqrt(weight @ (values - weight @ values) ** 2))
+
     half = 0.5 * float(poses.time[-1])
     trial = np.arange(times[0] - half, times[-1] - half, COARSE)
-    offset = float("nan")
+    offset, misfit, motion = float("nan"), float("inf"), 0.0
     for step in (COARSE, FINE):
-        along = poses.place @ (down / np.linalg.norm(down))
-        misfits = np.array([_misfit(along, poses.time + one, times, depth) for one in trial])
-        best = int(np.argmin(misfits))
-        offset, misfit = float(trial[best]), float(misfits[best])
+        along = poses.place @ down
+        motion = size(along)
+        if motion < LEAST_MOTION:
+            raise InputError(
+                f"the vehicle moves {100.0 * motion:.1f} cm up and down in the video: let it dive "
+                "and climb at least half a metre, so that the clocks can be joined"
+            )
+        at = trial[:, None] + poses.time
+        inside = ((at >= times[0]) & (at <= times[-1])).mean(axis=1) > LEAST_INSIDE
+        if not inside.any():
+            raise InputError("the video is longer than the log: cut it to the log's time")
+        misfits = [size(along - np.interp(one, times, depth)) for one in at[inside]]
+        offset, misfit = float(trial[inside][np.argmin(misfits)]), min(misfits)
         if step == COARSE:
-            # the vertical of the camera, by the log's attitude at these times
             given = _given(times, attitude, poses.time + offset).as_matrix()[:, 2]
             down = np.einsum("nij,nj->ni", poses.turn, given).mean(axis=0)
-            trial = np.arange(offset - 2.0 * COARSE, offset + 2.0 * COARSE, FINE)
-    motion = float(np.std(along))
-    if motion < LEAST_MOTION:
-        raise InputError(
-            f"the vehicle moves {100.0 * motion:.1f} cm up and down in the video: let it dive and "
-            "climb at least half a metre, so that the clocks can be joined"
-        )
+            down /= np.linalg.norm(down)
+            trial = np.arange(offset - 4.0 * COARSE, offset + 4.0 * COARSE, FINE)
     if not misfit < WORST_FIT * motion:
         raise InputError(
             f"the depth in the video fits nowhere in the log (misfit {misfit:.2f} m of "
             f"{motion:.2f} m): is it the log of this dive, and does the camera stand still?"
         )
-    rate = np.std(np.interp(poses.time + offset, times, np.gradient(depth, times)))
-    deviation = misfit / max(float(rate), 1e-9) / np.sqrt(len(poses.time) / TOGETHER)
+    rate = size(np.interp(poses.time + offset, times, np.gradient(depth, times)))
+    apart = len(np.unique(np.floor(poses.time / TOGETHER)))
+    deviation = misfit / max(rate, 1e-9) / float(np.sqrt(apart))
     if deviation > WORST_CLOCK:
         raise InputError(
             f"the clocks join to {deviation:.2f} s only, {WORST_CLOCK:g} are needed: the vehicle "
             "must change its vertical velocity while the camera sees its markers"
         )
-    return offset, float(deviation), misfit
-
-
-def _misfit(along: Array, at: Array, times: Array, depth: Array) -> float:
-    """[m] Deviation of the difference of two depths; infinite if less than half overlaps."""
-    inside = (at >= times[0]) & (at <= times[-1])
-    if inside.sum() < max(0.5 * len(at), 2):
-        return float("inf")
-    return float(np.std(along[inside] - np.interp(at[inside], times, depth)))
+    return offset, deviation, misfit
 
 
 def _given(times: Array, attitude: Array, at: Array) -> Rotation:
