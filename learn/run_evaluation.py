@@ -82,7 +82,8 @@ def evaluate_run(
     also = {}
     if start is not None:
         start = start.at(run.period) if start.shipped else start
-        if start.spread == run.spread and start.adapted is None:  # they read the same channels
+        same = start.spread == run.spread and start.adapted is None  # they read the same channels
+        if same and not logged:
             also = {BEFORE: start.networks(vehicle)}
     common["also"] = also
     watch = watch_of(own)

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from twin.sensors.base import Sensor as Sensor
     from twin.sensors.base import Surroundings as Surroundings
     from twin.sensors.base import register as register
+    from twin.sensors.base import require_non_negative as require_non_negative
+    from twin.sensors.base import require_positive as require_positive
     from twin.sensors.ctd import Ctd as Ctd
     from twin.sensors.ctd import Pressure as Pressure
     from twin.sensors.dvl import MODES as DVL_MODES  # noqa: F401

@@ -21,7 +21,7 @@ from glider_twin_vision.sighting import Losses, sighted
 from glider_twin_vision.smoother import Settings, smooth
 from twin.errors import InputError
 from twin.records.schema import variables
-from twin.sensors import Sensor, Surroundings
+from twin.sensors import Sensor, Surroundings, require_non_negative, require_positive
 
 LOGGED = (
     *(f"measured_{name}" for name in ("roll", "pitch", "heading")),
@@ -65,16 +65,16 @@ class Camera(Sensor):
     """[s] Deviation of the camera's clock from the log's"""
 
     def __post_init__(self) -> None:
+        parts = ("dropped", "hidden", "focal_error", "clock")
+        require_positive(self, "rate", "marker_side")
+        require_non_negative(self, *parts)
         observer(self.observer)
         Board(side=self.marker_side)
         if not 1.0 <= self.rate <= 60.0:
             raise InputError(f"Camera.rate is {self.rate:g}: 1 to 60 pictures a second")
-        for name in ("dropped", "hidden"):
-            if not 0.0 <= getattr(self, name) < 1.0:
-                raise InputError(f"Camera.{name} is {getattr(self, name):g}: it must be in [0, 1)")
-        for name in ("focal_error", "clock"):
-            if not 0.0 <= getattr(self, name) < 1.0:
-                raise InputError(f"Camera.{name} is {getattr(self, name):g}: it must be in [0, 1)")
+        for name in parts:
+            if not getattr(self, name) < 1.0:
+                raise InputError(f"Camera.{name} is {getattr(self, name):g}: it must be below 1")
 
     @classmethod
     def ideal(cls) -> Camera:

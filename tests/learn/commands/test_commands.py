@@ -222,7 +222,7 @@ def test_the_help_of_fit_names_the_defaults_that_apply(here, capsys):
     code, out, _ = call(capsys, "fit", "--help")
     assert code == 0
     words = " ".join(re.sub(r"[│\n]", " ", out).split())
-    assert "--inputs {full,glider}" in words
+    assert "--inputs {full,glider,thrusters}" in words
     network, training = NetworkConfig(), TrainingConfig()
     for value, label in (
         (network.kind, "type of network"),

@@ -320,7 +320,7 @@ def test_without_gymnasium_the_tasks_are_there_for_dm_control():
         "environment = control.load('hold', task_kwargs={'random': 1})\n"
         "print(environment.reset().first(), sorted(control.TASKS))",
     )
-    assert told == "True ['depth', 'energy', 'hold', 'waypoints']\n"
+    assert told == "True ['depth', 'energy', 'hold', 'path', 'reach', 'station', 'waypoints']\n"
 
 
 def test_nothing_of_dm_control_is_needed():

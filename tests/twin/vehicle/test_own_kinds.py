@@ -121,12 +121,19 @@ def test_a_drag_law_of_ones_own_flies_and_whoever_needs_the_printed_one_refuses_
         assert refusal, "it takes the coefficients of another law for its own"
 
 
-def test_without_the_file_the_kind_is_named(tmp_path):
+@pytest.mark.parametrize(
+    ("law", "named"),
+    [
+        ("linear-drag", "unknown hull_law 'linear-drag' (allowed: body-axes, "),
+        ("ellipsoid", "unknown vehicle part 'waterjet' (allowed: battery-hinge"),
+    ],
+)
+def test_without_the_file_the_kind_is_named(tmp_path, law, named):
     path = tmp_path / "own.xml"
-    path.write_text(own_vehicle(), encoding="utf-8")
+    path.write_text(own_vehicle().replace("linear-drag", law), encoding="utf-8")
     done = python("-m", "twin", "trim", "--vehicle", str(path), GLIDER_TWIN_PLUGINS="")
     assert done.returncode == 2
-    assert "unknown vehicle part 'waterjet' (allowed: battery-hinge" in done.stderr
+    assert named in done.stderr
     assert len(done.stderr.splitlines()) == 1
 
 
