@@ -104,7 +104,7 @@ def by_python(
     before: Rows,
     cases: list[Rows],
 ) -> Rows:
-    """The same by Python."""
+    """Surge, its interval and the channels held, (cases, samples, 3), by Python's estimator."""
     estimator = open_estimator()
     for row in before:
         estimator.step(dict(zip(names, row.tolist(), strict=True)))

@@ -126,17 +126,9 @@ class Generate(EngineOption, JsonOption):
         """Make deployments of many dives, half of them with a fault."""
         from factory.facade import make_deployments
 
-        for name in (
-            "set",
-            "config",
-            "sensors",
-            "labels",
-            "current",
-            "shard",
-            "resume",
-            "scheduler",
-        ):
-            if getattr(self, name) not in (None, False, (), "truth"):
+        drawn = ("set", "config", "sensors", "labels", "current", "shard", "resume", "scheduler")
+        for name in drawn:
+            if getattr(self, name) != getattr(Generate, name):
                 raise InputError(
                     f"--{name} does not go with preset {self.preset}: its deployments are drawn as "
                     "they are, by this machine, whole or not at all"

@@ -1,4 +1,4 @@
-"""Whether the models of a drag that falls with speed and of a constant one are told apart."""
+"""Models of a drag that falls with speed and of a constant one are told apart."""
 
 from types import SimpleNamespace
 

@@ -18,7 +18,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
 from factory.importing import Channel, DeploymentLog, ReadOptions, Tally, read_logs, sniff
-from glider_twin_vision.camera_sensor import AXES, LOGGED, WORST
+from glider_twin_vision.camera_sensor import LOGGED, WORST, labelled
 from glider_twin_vision.detection import Detector, Pose
 from glider_twin_vision.lens import Lens
 from glider_twin_vision.markers import Board
@@ -89,11 +89,11 @@ def read_markers(paths: Sequence[Path], options: ReadOptions, tally: Tally) -> l
     found = smooth(times[near], attitude[near], force[near], frames, Settings())
     clear = np.max(found.deviation, axis=1) <= WORST
     tally.add("removed", "measured_camera_*", ~clear, f"stated deviation above {WORST:g} m/s")
-    channels = dict(log.channels)
-    for k, axis in enumerate(AXES):
-        for ending, values in (("", found.velocity), ("_deviation", found.deviation)):
-            kept = np.where(clear, values[:, k], np.nan)
-            channels[f"measured_camera_{axis}{ending}"] = Channel.finite(times[near], kept)
+    measured = {
+        name: Channel.finite(times[near], values)
+        for name, values in labelled(found.velocity, found.deviation).items()
+    }
+    channels = {**log.channels, **measured}
     return [dataclasses.replace(log, channels=channels, files=(paths[0].name, *log.files))]
 
 

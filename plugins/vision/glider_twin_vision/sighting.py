@@ -34,7 +34,7 @@ HIDING = 1.0
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Losses:
-    """What keeps a camera from seeing a marker that is in its picture."""
+    """Losses of pictures and of markers that are in a picture."""
 
     dropped: float = 0.03
     """[1] Part of the pictures that never arrive"""
